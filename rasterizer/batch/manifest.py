@@ -8,6 +8,7 @@ picture that is left out has the line that one of both files has for it.
 import json
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 from ..errors import OutputError, SceneError, cut, shown
@@ -43,7 +44,10 @@ class Manifest:
             for line in _lines_of(path):
                 self._known[next(iter(line["files"].values()))] = line
         try:
-            self._stream = open(self._partial, "ab+" if self._is_resumed else "wb+")  # noqa: SIM115
+            self._stream = open(self._partial, "ab+")  # noqa: SIM115
+            _lock(self._stream)
+            if not self._is_resumed:
+                self._stream.truncate(0)
             self._stream.write(b"\n" if self._stream.seek(0, os.SEEK_END) else b"")  # the last line may be torn
         except OSError as fault:
             raise OutputError(f"can't write {self._partial}: {fault.strerror or fault}") from fault
@@ -88,12 +92,25 @@ class Manifest:
         if found:
             write_whole(self.path, b"".join(found))
         self.close()
-        os.unlink(self._partial)
+        with suppress(FileNotFoundError):
+            os.unlink(self._partial)
 
     def close(self) -> None:
         """Close the partial file, which stays."""
         if self._stream is not None:
             self._stream.close()
+
+
+def _lock(stream: Any) -> None:
+    """Keep a file for this batch until it is closed; OSError where another one has it. Systems without such locks have
+    none."""
+    with suppress(ImportError):
+        import fcntl
+
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OSError("another batch is writing it") from None
 
 
 def _may_be_replaced(path: str) -> bool:

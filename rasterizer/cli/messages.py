@@ -73,7 +73,7 @@ class Messages:
     def say(self, text) -> None:
         """Say a line, whatever the level."""
         if sys.stderr is not None:  # None where the process was started without one
-            print(f"raster: {' '.join(str(text).split())}", file=sys.stderr, flush=True)
+            print(f"raster: {plain(' '.join(str(text).split()))}", file=sys.stderr, flush=True)
 
     @contextmanager
     def shown_warnings(self):
@@ -203,10 +203,20 @@ def aligned(rows) -> list[str]:
 
 def print_text(text: str, is_stdout_taken: bool = False) -> None:
     """Print lines that were asked for: on stdout, or on stderr where a picture goes to stdout."""
+    text = plain(text)
     if not is_stdout_taken:
         write_stdout(_bytes_of(text))
     elif sys.stderr is not None:
         sys.stderr.write(text)
+
+
+def plain(text: str) -> str:
+    """Return a text with a question mark in the place of each character that a terminal would obey: names in files may
+    hold any."""
+    return text.translate(_CONTROLS)
+
+
+_CONTROLS = {code: "?" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
 
 
 def _bytes_of(text) -> bytes:

@@ -84,12 +84,14 @@ def _with_command(argv) -> list[str]:
 
 
 def _joined_values(argv) -> list[str]:
-    """Join a flag and a value that argparse would take for another flag: -1,2,3 or -z."""
+    """Join a flag and a value that argparse would take for another flag: -1,2,3 or -z. What stands behind "--" is a
+    name, never a flag."""
     joined = []
-    is_after_end = False
-    for word in argv:
-        is_after_end = is_after_end or word == "--"
-        if is_after_end or not word.startswith("-"):
+    for number, word in enumerate(argv):
+        if word == "--":
+            names = argv[number + 1 :]
+            return joined + [os.path.join(".", name) if name[:1] == "-" and name != "-" else name for name in names]
+        if not word.startswith("-"):
             joined.append(word)
             continue
         is_value = joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1]) and re.match(r"-(\.?\d|[xyzXYZ]$)", word)

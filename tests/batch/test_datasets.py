@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -483,3 +484,15 @@ def test_a_renderer_in_other_lights_draws_as_a_new_one(look):
     assert np.array_equal(before.rgba, rz.render(scene, SIZE, **look).rgba)
     with pytest.raises(rz.SceneError, match="light"):
         first.in_lights("sun")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
+def test_two_batches_do_not_write_one_manifest(folder):
+    tasks = [rz.RenderTask(CUBE, f"{k}.png", options={"size": 8}) for k in range(3)]
+    with rz.render_many(tasks, ThreadPoolExecutor(1), manifest="m.jsonl") as first:
+        next(first)
+        with pytest.raises(rz.OutputError, match="another batch"):
+            next(rz.render_many(tasks, ThreadPoolExecutor(1), manifest="m.jsonl"))
+        assert len(list(first)) == 2
+    assert len(rz.read_manifest("m.jsonl")) == 3
+    assert len(list(rz.render_many(tasks, ThreadPoolExecutor(1), manifest="m.jsonl", existing="skip"))) == 3

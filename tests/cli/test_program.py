@@ -4,6 +4,7 @@ import gc
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 
@@ -86,3 +87,32 @@ def test_a_full_disk_behind_stdout_or_a_reader_that_has_gone(folder):
             done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, env=environment, cwd=folder)
             assert (got := (done.returncode, done.stderr)) == (4, err), f"{argv}: {got} != {(4, err)}"
         os.close(stdout)
+
+
+def test_what_stands_behind_two_dashes_is_a_name(folder, capsys):
+    for name in ("--allow-outside", "-q", "part.obj"):
+        shutil.copy(CUBE, folder / name)
+    assert raster("render", "-s", "8", "--input-format", "obj", "--", "--allow-outside", "-q", "part.obj") == 0
+    assert {"--allow-outside.png", "-q.png", "part.png"} < set(os.listdir(folder))
+    assert raster("--", "part.obj") == 0
+    assert raster("render", "-s", "8", "--", "part.obj", "--no-such-file") == 1
+    assert "--no-such-file" in capsys.readouterr().err
+
+
+def test_no_name_of_a_file_reaches_the_terminal_raw(folder, capfd):
+    """Names of materials, meshes, textures and of the file itself, in what is said, listed and warned of."""
+    wild = "".join(map(chr, (27, 91, 51, 49, 109, 7, 8, 127, 155)))
+    (folder / f"{wild}.mtl").write_text(f"newmtl {wild}\nmap_Kd {wild}.png\n")
+    model = (
+        f"mtllib no{wild}.mtl {wild}.mtl\no {wild}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl {wild}\nf 1/1 2/1 3/1\n"
+    )
+    (folder / f"a{wild}.obj").write_text(model)
+    lines = [["render", "-s", "8", "-v"], ["info"], ["info", "--json"], ["render", "--json", "-s", "8"]]
+    lines += [["render", "-s", "8", "--scalars", wild], ["batch", "-s", "8", "-j", "1", "--skip-existing", "-v"]]
+    for line in lines:
+        raster(*line, f"a{wild}.obj")
+        raster(line[0], f"no{wild}.obj")
+        text = "".join(capfd.readouterr())
+        assert not [
+            letter for letter in text if (ord(letter) < 32 or 127 <= ord(letter) < 160) and letter not in "\n\t"
+        ]

@@ -17,6 +17,7 @@ MB = 1_000_000
 SECONDS, BYTES = 2.0, 300 * MB  # of this process's own time
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 DAE = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+MESHES = '{"meshes":[{"vertices":[[0,0,0],[1,0,0],[0,1,0]],"faces":[[0,1,2]]}'
 XAML = '<Model3DGroup xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation">'
 
 
@@ -53,14 +54,15 @@ CASES = {
     "dae": ["<COLLADA>" + many("<vcount "), "<COLLADA>" + many("<node>"), DAE + "<node>" * 70_000 + "</node>" * 70_000,
             "<COLLADA " + many('a{}="b" ', " " * 12) + "/>", DAE + "<asset>" + many("&amp;") + "</asset></COLLADA>",
             DAE + '<float_array id="f" count="3">' + many(" nan") + "</float_array></COLLADA>"],
-    "gltf": [many('{"a":'), "[" * MB, gltf('"a":' + "1" * MB), gltf('"extensionsUsed":[' + many('"E{}",', " " * 9) + '""]'),
+    "gltf": [many('{"a":'), "[" * MB, gltf('"a":' + "1" * MB),
+             gltf('"extensionsUsed":[' + many('"E{}",', " " * 9) + '""]'),
              gltf('"nodes":[' + many('{{"children":[{}]}},', " " * 20) + '{}],"scenes":[{"nodes":[0]}]'),
              gltf('"materials":[' + many("{},") + "{}]"), gltf('"buffers":[{"uri":"' + many("a/") + '"}]'),
              gltf('"buffers":[{"byteLength":3,"uri":"data:' + ";" * MB + '"}]'), gltf('"a":"' + many("\\u0041") + '"')],
     "xaml": [XAML + "<Model3DGroup>" * 33_000 + "</Model3DGroup>" * 33_000 + "</Model3DGroup>", XAML + many("<a>")],
     "json": [many('{"meshes":'), '{"meshes":[' + many("[") + "]", "{" + many('"k{}":1,', " " * 10) + '"a":1}',
-             '{"meshes":[{"vertices":[[0,0,0],[1,0,0],[0,1,0]],"faces":[[0,1,2]]}],"lights":[' + many('"studio",') + '""]}',
-             '{"meshes":[{"vertices":[' + many("[0,0,0],") + '[1,0,0]],"faces":[[0,1,2]]}]}', '{"a":"' + many("\\n") + '"}'],
+             MESHES + '],"lights":[' + many('"studio",') + '""]}', '{"a":"' + many("\\n") + '"}',
+             '{"meshes":[{"vertices":[' + many("[0,0,0],") + '[1,0,0]],"faces":[[0,1,2]]}]}'],
 }  # fmt: skip
 
 
@@ -122,10 +124,9 @@ def bmp(width, height, data, compression):
 
 def tiff(width, height, tile, n_byte=64):
     """A picture of one tile, packed."""
-    tags = [(256, width), (257, height), (258, 8), (259, 8), (262, 1), (277, 1), (322, tile[0]), (323, tile[1]), (324, 8),
-            (325, n_byte)]  # fmt: skip
+    tags = {256: width, 257: height, 258: 8, 259: 8, 262: 1, 277: 1, 322: tile[0], 323: tile[1], 324: 8, 325: n_byte}
     data = zlib.compress(bytes(n_byte)).ljust(n_byte, b"\0")
-    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items())
     return b"II*\0" + struct.pack("<I", 8 + len(data)) + data + struct.pack("<H", len(tags)) + entries + bytes(4)
 
 
