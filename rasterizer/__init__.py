@@ -29,7 +29,7 @@ __version__ = "0.2.0"
 __docformat__ = "numpy"  # for pdoc
 
 with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _stub:
-    # from .scene.mesh import Mesh as Mesh
+    # from .scene.mesh import Mesh as Mesh; "from . import reference as reference" is a module itself
     _MODULES = {line.split()[3]: line.split()[1] for line in _stub if line.startswith("from ")}
 
 __all__ = sorted([*_MODULES, "__version__"])
@@ -39,7 +39,8 @@ def __getattr__(name: str) -> object:
     """Import a public name from its module on first use (PEP 562)."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_MODULES[name], __name__), name)
+    home = _MODULES[name]
+    value = import_module(f".{name}", __name__) if home == "." else getattr(import_module(home, __name__), name)
     globals()[name] = value
     return value
 

@@ -1,5 +1,6 @@
 """The public names, one a line, each with its module: what editors and type checkers see, and `__init__.py` imports."""
 
+from . import reference as reference
 from .analysis.comparison import Comparison as Comparison
 from .analysis.comparison import color_difference as color_difference
 from .analysis.comparison import compare as compare
@@ -48,6 +49,8 @@ from .scene.mesh import Mesh as Mesh
 from .scene.scene import DepthCue as DepthCue
 from .scene.scene import Scene as Scene
 from .scene.spectrum import Spectrum as Spectrum
+from .scene.spectrum import daylight as daylight
+from .scene.spectrum import standard_observer as standard_observer
 from .scene.texture import Texture as Texture
 from .viewer.widget import view as view
 

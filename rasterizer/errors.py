@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from importlib import import_module
+from pathlib import Path
 from types import FrameType, ModuleType
 
 
@@ -145,8 +146,10 @@ _INSIDE = (__name__.partition(".")[0], "dataclasses", "contextlib", "weakref")
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an extra, wherever the package was installed from."""
-    return f"pip install 'scanline-rasterizer[{extra}]'"
+    """Return the command that installs an extra: of a checkout, where this is one, as no index has that."""
+    root = Path(__file__).resolve().parents[1]
+    what = f"-e '{root}" if (root / "setup.cfg").exists() else "'scanline-rasterizer"
+    return f"pip install {what}[{extra}]'"
 
 
 def import_extra(module: str, extra: str, what: str, error: type[RasterizerError] = RasterizerError) -> ModuleType:

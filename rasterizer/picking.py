@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .choices import BUFFERS
 from .errors import SceneError, shown
+from .options import Options
 from .scene.camera import Camera
 from .scene.scene import Scene
 from .scene.validate import is_whole
@@ -59,10 +60,11 @@ class Pick:
 
 
 class FrameSource(NamedTuple):
-    """What a frame was drawn from: its scene and camera, and what draws what the frame doesn't hold."""
+    """What a frame was drawn from: its scene, camera and options, and what draws what the frame doesn't hold."""
 
     scene: Scene
     camera: Camera
+    options: Options
     pick: Callable[[int, int], Pick | None]
 
 

@@ -110,7 +110,7 @@ def render(
 
     Warns
     -----
-    UserWarning : what `load` warns of; a shape that stands on a level base says that another axis points upwards
+    UserWarning : what `load` warns of; a shape whose flat underside says that another axis points upwards
     """
     if TYPE_CHECKING:  # how Jedi finds the words
         Viewpoint(**words)
@@ -336,7 +336,7 @@ class Renderer:
             return make_renderer().pick(x, y, camera)
 
         rgba = None if picture is None else picture.rgba
-        return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, draw_pick))
+        return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, options, draw_pick))
 
 
 def load_look(

@@ -26,7 +26,7 @@ Say what is in each model, without drawing it.
                      same way; edges that haven't are counted
   bodies             parts that share no edge
   up                 the axis that raster render takes
-  up guess           what the shape says
+  up guess           the axis that the shape speaks for, and why
   not drawn          what the file holds and pictures don't show
 """
 _EXAMPLES = """\

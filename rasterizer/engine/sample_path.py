@@ -28,7 +28,12 @@ class DrawnSample(NamedTuple):
     """What the picture shows at a pixel, and how one of its samples was drawn."""
 
     color: np.ndarray  # (3,) float32, linear, as in `Frame.color`
+    rgba: np.ndarray  # (4,) uint8; not scaled where the colour range is "global"
     path: str | None  # of the nearest opaque surface; None where there is none
+    bound: float | None  # of the picture's error, as `Stats.error_bound`
+    faces: np.ndarray  # (factor, factor) int32, of the nearest surface at each sample of the pixel; -1 where nothing is
+    normals: np.ndarray  # (factor, factor, 3) float32, of it
+    positions: np.ndarray  # (factor, factor, 3) float32, world space
 
 
 def draw_sample(scene, options: Options, camera: Camera, x: int, y: int) -> DrawnSample:
@@ -37,16 +42,22 @@ def draw_sample(scene, options: Options, camera: Camera, x: int, y: int) -> Draw
     try:
         view, picture = camera.view(), make_picture(options.size, with_color=True)
         screen, _ = screen_of(camera, view, prepared.n_sample, prepared.geometry, prepared.tables.bounds)
-        drawing, _, _ = prepared.see(view, screen)
+        drawing, bound, _ = prepared.see(view, screen)
         render_pass = prepared.color_pass(view, screen, drawing, picture, NO_CLOCK)
         given = {each.name: getattr(render_pass, each.name) for each in fields(ColorPass) if each.init}
         sample = tuple(place * options.factor + (options.factor - 1) // 2 for place in (x, y))
         given["rows"] = y * options.factor, (y + 1) * options.factor
         probe = _Probe(**given, sample=sample, found=[])
         draw(prepared.geometry, probe, screen, prepared.workspaces, prepared.threads, NO_CLOCK)
+        buffers, _, _ = prepared.draw_buffers(
+            camera, NO_CLOCK, ("face", "normal", "position"), given["rows"], options.factor, min_opacity=0.0
+        )
     finally:
         prepared.threads.close()
-    return DrawnSample(picture.color[y, x], probe.found[0] if probe.found else None)
+    pixel = slice(*given["rows"]), slice(x * options.factor, (x + 1) * options.factor)
+    shown = (buffers[name][pixel] for name in ("face", "normal", "position"))
+    rgba = picture.rgba[y, x : x + 1].view(np.uint8)
+    return DrawnSample(picture.color[y, x], rgba, probe.found[0] if probe.found else None, bound, *shown)
 
 
 @dataclass(**AS_PASS)

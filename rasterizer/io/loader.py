@@ -117,7 +117,7 @@ def load(
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a COLLADA or scene
-        file, y for the others; "auto" = that, unless the format doesn't say it and the shape stands on a level base
+        file, y for the others; "auto" = that, unless the format doesn't say it and the shape stands on a flat underside
     lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
     camera : Camera; "file" = the first that a model file, or a scene of trimesh, brings; None = that of a scene file,
         else framed when the picture is made: cameras of model files are those of their authors' pictures, and see any
@@ -272,7 +272,7 @@ def doubt_of_up(scene: Scene, source: Any, format: str | None = None) -> tuple[s
         n_point += len(mesh.vertices)
     vertices = points[0] if len(points) == 1 else np.concatenate(points)
     up, reason = guess_up(vertices, np.concatenate(faces), scene.bounds)
-    return None if up in (None, scene.up) else (up, f"drawn with {scene.up} upwards; the shape says {up} ({reason})")
+    return None if up in (None, scene.up) else (up, f"drawn with {scene.up} upwards; by its shape {up} is up: {reason}")
 
 
 def _up_of(source) -> Axis | None:

@@ -9,12 +9,13 @@ Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for ea
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import ColorRange, Cull, EdgeType, Samples, Shading
+from ..io.loader import load
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
@@ -99,7 +100,7 @@ class Layers(NamedTuple):
 
 
 def render(
-    scene: Scene,
+    scene: Scene | Any,
     size: tuple[int, int] = (640, 480),
     *,
     shading: Shading = "gouraud",
@@ -119,7 +120,7 @@ def render(
 
     Parameters
     ----------
-    scene : what to draw
+    scene : Scene, or anything that `rz.load` takes
     size : (width, height) in pixels
     shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
     samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
@@ -148,6 +149,7 @@ def render(
         shading=shading, samples=samples, cull=cull, color_range=color_range, exposure=exposure,
         spectral=spectral, edges=edges, edge_color=edge_color, edge_width=edge_width,
     )  # fmt: skip
+    scene = scene if isinstance(scene, Scene) else load(scene)
     look = look_at(scene, size, options, (near, far), rounded)
     per_axis = options.factor
     centres = _draw(look, 1)

@@ -351,7 +351,7 @@ _EVIDENCE = 0.02  # share of the area that has to lie on the ground before it sa
 
 
 def guess_up(points: Array, faces: NDArray[Any], bounds: Array) -> tuple[str | None, str]:
-    """Guess which axis of a model points upwards: things stand on a level base.
+    """Guess which axis of a model points upwards: things stand on a flat underside.
 
     Parameters
     ----------
@@ -381,5 +381,5 @@ def guess_up(points: Array, faces: NDArray[Any], bounds: Array) -> tuple[str | N
         evidence = shares - np.roll(shares, 2)  # that of the opposite axis
     best = int(evidence.argmax())
     if not evidence[best] >= _EVIDENCE:
-        return None, "no level base tells"
-    return names[best], f"{100.0 * shares[best]:.0f} % of the area is a level base"
+        return None, "no flat underside tells which side is down"
+    return names[best], f"then it stands on a flat underside, {100.0 * shares[best]:.0f} % of its surface"

@@ -81,6 +81,12 @@ class Spectrum(tuple[float, float, float]):
         """(n,) float64, relative to D65, read-only."""
         return self._values
 
+    @property
+    def xyz(self) -> NDArray[np.float64]:
+        """(3,) float64: X, Y and Z for the standard observer, of a surface in daylight, or of a lamp; white has
+        Y = 1."""
+        return np.interp(WAVELENGTHS, self._wavelengths, self._values) @ xyz_weights(N_TABLE)
+
     @classmethod
     def flat(cls, value: float) -> "Spectrum":
         """Return the spectrum that has one `value`, at least 0 (else SceneError): a grey, or white light."""
@@ -225,6 +231,51 @@ def _checked_samples(wavelengths: Any, values: Any, whose: str, name: str) -> tu
         k = int(values.argmin())
         raise SceneError(f"the {name} of a spectrum must be at least 0; given {values[k]:g} at {wavelengths[k]:g} nm")
     return wavelengths, values
+
+
+def standard_observer(wavelengths: ArrayLike) -> NDArray[np.float64]:
+    """Return the colour-matching functions of the CIE's standard observer of 1931, 2 degrees.
+
+    Parameters
+    ----------
+    wavelengths : (...) numbers, nm
+
+    Returns
+    -------
+    (..., 3) float64, x̄, ȳ and z̄, without unit; ȳ has its peak of 1 at 555 nm. Linear between every 5 nm, 0 outside of
+    380..780
+
+    Raises
+    ------
+    SceneError : what are no finite numbers
+
+    Source: CIE 15:2018, table T.4; as `scene/cie_tables.txt` has it.
+    """
+    nodes = _numbers(wavelengths, "wavelengths")
+    return np.stack([np.interp(nodes, WAVELENGTHS, curve, left=0.0, right=0.0) for curve in MATCHING.T], axis=-1)
+
+
+def daylight(wavelengths: ArrayLike) -> NDArray[np.float64]:
+    """Return the power of daylight, D65, for each nm of wavelength: what a `Spectrum` is relative to.
+
+    So of a surface S in the light of a lamp L, both Spectrum, XYZ is the sum over the wavelengths of
+    `S.at(nm) * L.at(nm) * daylight(nm) * standard_observer(nm).T`, divided by that of Y without S and L.
+
+    Parameters
+    ----------
+    wavelengths : (...) numbers, nm
+
+    Returns
+    -------
+    (...) float64, relative; linear between every 5 nm, constant outside of 380..780
+
+    Raises
+    ------
+    SceneError : what are no finite numbers
+
+    Source: CIE 15:2018, table T.1; as `scene/cie_tables.txt` has it.
+    """
+    return np.interp(_numbers(wavelengths, "wavelengths"), WAVELENGTHS, D65)
 
 
 # --- sampled spectra ----------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 from helpers.command import assert_refused, one_error, raster
+from helpers.raster import ROOT
 
 from rasterizer.cli.completion import SHELLS
 from rasterizer.cli.parser import COMMANDS, make_command_parser
@@ -48,7 +49,7 @@ def test_what_is_no_shell_and_where_shtab_is_absent(capsys, monkeypatch):
     assert_refused(capsys, [(["cmd"], "choose from"), ([], "")], "completion")
     monkeypatch.setitem(sys.modules, "shtab", None)  # as where it isn't installed
     assert raster("completion", "bash") == 2
-    assert "completion needs shtab: pip install 'scanline-rasterizer[completion]'" in one_error(capsys)
+    assert f"completion needs shtab: pip install -e '{ROOT}[completion]'" in one_error(capsys)
 
 
 @needs("bash")

@@ -81,4 +81,4 @@ def test_every_extra_is_told_with_what_it_lacks_and_what_installs_it(monkeypatch
     assert told["video"]["missing"] == ["av"] and told["completion"]["missing"] == []
     raster("doctor")
     out = capsys.readouterr().out
-    assert "av missing; pip install 'scanline-rasterizer[video]'\n" in out and "raster completion: installed\n" in out
+    assert f"av missing; pip install -e '{ROOT}[video]'\n" in out and "raster completion: installed\n" in out

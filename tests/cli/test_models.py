@@ -229,7 +229,7 @@ def test_another_axis_that_the_shape_says_is_told(folder, capsys):
     for model, flags, is_told in (("pyramid.obj", (), True), ("pyramid.obj", ("--up", "z"), False), (CUBE, (), False)):
         loaded(model, *flags)
         err = capsys.readouterr().err
-        assert ("drawn with y upwards; the shape says z" in err and "try --up z" in err) == is_told, (model, flags)
+        assert ("drawn with y upwards; by its shape z is up" in err and "try --up z" in err) == is_told, (model, flags)
         assert is_told or not err
 
 

@@ -71,6 +71,7 @@ def calls(folder):
         (renderer.render, {}), (rz.Spectrum.blackbody, {"kelvin": 4000}), (SPECTRUM.at, {"wavelengths": [500]}),
         (rz.Spectrum.flat, {"value": 1}), (rz.Spectrum.of_power, SPAN | {"power": [1, 1]}),
         (rz.Spectrum.of_rgb, {"color": "red"}),
+        (rz.daylight, {"wavelengths": [500]}), (rz.standard_observer, {"wavelengths": [500]}),
         (SPECTRUM.scaled, {"factor": 2}), (rz.DepthCue, {"scale": 2}),
         (rz.illuminate, {"points": [[0, 0, 0]], "normals": [[0, 0, 1]], "material": rz.Material(),
         "lights": rz.AmbientLight(1),
@@ -118,7 +119,7 @@ def test_the_sweep_calls_all_that_is_public(tmp_path):
     public = {name for name in rz.__all__ if not name.startswith("__") and not name.endswith("Error")}
     made_by_us = {"Comparison", "Explanation", "Frame", "MachBands", "MissingArray", "Pick", "RenderRecord"}
     # They start processes, or draw many frames, or need a notebook, or an extra.
-    tested_apart = {"turntable", "view", "write_coco"}
+    tested_apart = {"turntable", "view", "write_coco", "reference"}
     missing = [
         name
         for name in public - made_by_us - tested_apart

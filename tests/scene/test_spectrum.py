@@ -16,10 +16,12 @@ from rasterizer.scene.spectrum import (
     MATCHING,
     WAVELENGTHS,
     Spectrum,
+    daylight,
     rgb_basis,
     rgb_of,
     rgb_weights,
     samples_of,
+    standard_observer,
     xyz_weights,
 )
 
@@ -65,6 +67,17 @@ def test_white_has_luminance_1_and_few_samples_keep_its_chromaticity(n):
 
 
 # --- what colours come out ----------------------------------------------------------------------------------
+
+
+def test_the_observer_and_daylight_make_the_colour_of_a_surface_in_a_light():
+    """The sum that CIE 15 writes down, by the public functions, is what a spectrum says of itself."""
+    nm = np.arange(380, 781, 5)
+    surface, lamp = Spectrum.of_rgb("tan"), Spectrum.blackbody(2856)
+    both = Spectrum(nm, surface.at(nm) * lamp.at(nm))
+    seen = daylight(nm)[:, None] * standard_observer(nm)
+    assert np.allclose((surface.at(nm) * lamp.at(nm)) @ seen / seen[:, 1].sum(), both.xyz, rtol=1e-3)
+    assert np.allclose(Spectrum.flat(1).xyz / Spectrum.flat(1).xyz.sum(), (0.3127, 0.3290, 0.3583), atol=1e-4)
+    assert standard_observer(555).tolist() == MATCHING[35].tolist() and not standard_observer([300, 900]).any()
 
 
 def test_black_bodies():
