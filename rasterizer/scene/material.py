@@ -57,8 +57,8 @@ class ReflectionModel(NamedTuple):
 
 
 # Every reflection model that a material may name. What the engine and the reference know of it stands in tables by the
-# same words; `rasterizer.registries` enters a model in all of them. Cook-Torrance's peak is 1/(2·roughness³), which
-# must stay a number of float32.
+# same words; `rasterizer.registries` enters a model in all of them. Cook-Torrance's peak is 1/(2·roughness³) at
+# most, which must stay a number of float32.
 REFLECTION_MODELS: dict[str, ReflectionModel] = dict.fromkeys(REFLECTIONS, ReflectionModel())
 REFLECTION_MODELS["cook-torrance"] = ReflectionModel(min_roughness=0.001, brushed="ggx", is_metallic=True)
 
