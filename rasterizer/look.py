@@ -81,9 +81,11 @@ class Look:
             choice(self.weighting, WEIGHTINGS, "weighting")
         flag(self.drop_bad_faces, "drop_bad_faces")
         checked_crease_angle(self.crease_angle)
-        scalars = ScalarWords(self.scalars, self.cmap, self.clim)
         subdivide = whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS)
-        store(self, subdivide=subdivide, material=self._material_fields(), **vars(scalars))
+        store(self, subdivide=subdivide, material=self._material_fields())
+        words = self.scalars, self.cmap, self.clim
+        if any(word is not None for word in words):
+            store(self, **vars(ScalarWords(*words)))
 
     @property
     def reading(self) -> dict[str, Any]:

@@ -162,7 +162,13 @@ def _template(output, name, arrays, request) -> str:
     if output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output)):
         return output
     view = "-{view}" if len(request.views) > 1 else ""
-    suffix = request.files.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
+    suffix = (
+        f".{request.files.default_suffix.lower().lstrip('.')}"
+        if arrays is None
+        else ".npy"
+        if len(arrays) == 1
+        else ".npz"
+    )
     return os.path.join("" if output is None else _escaped(output), name + view + suffix)
 
 

@@ -78,11 +78,6 @@ def limits(text) -> tuple[float, ...]:
     return values
 
 
-def suffix(text) -> str:
-    """Read the name of a format as the suffix of its files."""
-    return f".{text.lower().removeprefix('.')}"
-
-
 def axis(text) -> str:
     """The name of an axis, in small letters and without a plus sign."""
     return text.lower().removeprefix("+")

@@ -30,7 +30,7 @@ from ..scene.framing import guess_up
 from ..scene.lights import Light
 from ..scene.mesh import Mesh, is_one_mesh, meshes_from
 from ..scene.mesh_arrays import has_any_area
-from ..scene.scalars import Colormap, ScalarWords
+from ..scene.scalars import NO_SCALARS, Colormap, ScalarWords
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
 from ..scene.validate import COORDINATE_LIMIT, flag, picture_size
@@ -196,7 +196,8 @@ def _read(
     **settings: Any,
 ) -> SceneFile:
     """Read what `read_source` does, but for an upward axis that the shape tells."""
-    scalar_words = ScalarWords(scalars, cmap, clim)
+    words = scalars, cmap, clim
+    scalar_words = NO_SCALARS if all(word is None for word in words) else ScalarWords(*words)
     mesh_settings = MeshSettings(crease_angle, weighting, drop_bad_faces, scalar_words)
     if log is not None and not callable(log):
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")

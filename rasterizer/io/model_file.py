@@ -17,7 +17,7 @@ from ..cores import Workers, n_core
 from ..errors import ModelError, counted, cut, warn_caller
 from ..scene.material import WHITE, Material
 from ..scene.mesh_arrays import without_unused
-from ..scene.scalars import ScalarWords
+from ..scene.scalars import NO_SCALARS, ScalarWords
 from ..scene.texture import Budget
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder, LongFile
@@ -77,7 +77,7 @@ class MeshSettings(NamedTuple):
     crease_angle: float | None = None
     weighting: str | None = None
     drop_bad_faces: bool = False
-    scalars: ScalarWords = ScalarWords()
+    scalars: ScalarWords = NO_SCALARS
 
     def arguments(self) -> dict:
         """Return those that are asked for, as arguments of Mesh."""

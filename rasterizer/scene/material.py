@@ -167,7 +167,8 @@ class Material:
         if plain is None:
             plain = GREY_DIFFUSE if self.texture is None else 1.0
         diffuse = linear_rgb(plain, "the material's diffuse")
-        find_plugin(self.reflection, REFLECTION_MODELS)
+        if isinstance(self.reflection, str) and self.reflection not in REFLECTION_MODELS:
+            find_plugin(self.reflection, REFLECTION_MODELS)
         model = REFLECTION_MODELS[choice(self.reflection, REFLECTION_MODELS, "the material's reflection")]
         choice(self.distribution, DISTRIBUTIONS, "the material's distribution")
         levels = number(self.levels, "the material's levels", low=1, high=MAX_LEVELS)

@@ -23,7 +23,7 @@ from .arrays import KeepsArrays, VectorLike, fixed, is_fixed, real_array
 from .foreign import Foreign, has_several, is_foreign, name_of
 from .framing import rotation
 from .material import GREY, WHITE, Material
-from .scalars import ScalarWords
+from .scalars import NO_SCALARS, ScalarWords
 from .validate import COORDINATE_LIMIT, choice, items_of, number, position3, store, text, unit3, vector3, whole
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
@@ -478,7 +478,7 @@ def meshes_from(source: Any, settings: dict[str, Any], scalars: ScalarWords | No
     if not placed:
         raise ModelError("a model needs at least one mesh; given an empty sequence")
     found.warn()
-    (scalars or ScalarWords()).lay({id(part): part for part, _ in placed}.values())
+    (scalars or NO_SCALARS).lay({id(part): part for part, _ in placed}.values())
     return _placed_meshes(placed, settings)
 
 

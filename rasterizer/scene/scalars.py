@@ -142,6 +142,9 @@ class ScalarWords:
         return ColorScale(rows[:1] if has_all else rows, "nearest", ("clamp", "clamp"), name, low, high)
 
 
+NO_SCALARS = ScalarWords()  # but the active ones of foreign meshes
+
+
 def colors_of(cmap: Colormap) -> NDArray[np.uint8]:
     """Return the colours of a colormap, (n, 3) uint8 sRGB, from low to high.
 
