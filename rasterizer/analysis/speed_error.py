@@ -39,7 +39,7 @@ MAX_ROUNDS = 25
 _MEASURED = 0.6  # share of the time limit in which calls take turns; the rest is for drawing what is compared
 _FINER = 2  # of the ground truth: pixels along each axis of a pixel, of 16 samples each, a grid of 8 x 8
 _ALIKE = 1.1  # errors within 10 % of each other are alike: no eye tells them apart
-_AS_QUICK = 1.05  # times within 5 % are, and those that vary by more than they differ: other work on the machine
+_AS_QUICK = 1.05, 1.25  # times within 5 % are, and within 25 % those that vary by more than they differ
 _NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud", "phong": "Phong"}
 _TIMES = {0: "", 1: ", subdivided once", 2: ", subdivided twice"}
 
@@ -405,7 +405,8 @@ def advise(rows: Sequence[Row], left_out: Sequence[Method] = (), samples: int = 
 
 def _is_tied(a: Row, b: Row) -> bool:
     """Tell whether two times are too close to call."""
-    return abs(a.ms - b.ms) <= max(_AS_QUICK - 1.0, a.spread + b.spread) * min(a.ms, b.ms)
+    low, high = _AS_QUICK
+    return max(a.ms, b.ms) <= min(max(low, 1.0 + a.spread + b.spread), high) * min(a.ms, b.ms)
 
 
 def _figures(row: Row) -> str:

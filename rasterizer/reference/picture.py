@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import ColorRange, Cull, EdgeType, Samples, Shading
-from ..io.loader import load
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
@@ -149,7 +148,10 @@ def render(
         shading=shading, samples=samples, cull=cull, color_range=color_range, exposure=exposure,
         spectral=spectral, edges=edges, edge_color=edge_color, edge_width=edge_width,
     )  # fmt: skip
-    scene = scene if isinstance(scene, Scene) else load(scene)
+    if not isinstance(scene, Scene):
+        from ..io.loader import load  # which imports what is compiled
+
+        scene = load(scene)
     look = look_at(scene, size, options, (near, far), rounded)
     per_axis = options.factor
     centres = _draw(look, 1)

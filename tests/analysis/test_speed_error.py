@@ -138,6 +138,10 @@ def test_advice_stays_the_same_where_times_are_too_close_to_call():
     for times in ((7.0, 6.0), (6.0, 7.0)):
         rows = [make_row(ms, rms, each) for ms, rms, each in zip(times, (0.01, 0.0105), (phong, gouraud), strict=True)]
         assert advise([row._replace(spread=0.2) for row in rows]).startswith("Choose Phong, 4 samples")
+    rows = [make_row(7.0, 0.01, phong), make_row(4.0, 0.0105, gouraud)]
+    assert advise([row._replace(spread=0.9) for row in rows]).startswith("Choose Gouraud"), (
+        "no noise makes it twice as slow"
+    )
 
 
 def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named():
