@@ -41,7 +41,7 @@ def draw_sample(scene, options: Options, camera: Camera, x: int, y: int) -> Draw
     prepared = PreparedScene(SceneTables(scene, options), options)
     try:
         view, picture = camera.view(), make_picture(options.size, with_color=True)
-        screen, _ = screen_of(camera, view, prepared.n_sample, prepared.geometry, prepared.tables.bounds)
+        screen, is_cut = screen_of(camera, view, prepared.n_sample, prepared.geometry, prepared.tables.bounds)
         drawing, bound, _ = prepared.see(view, screen)
         render_pass = prepared.color_pass(view, screen, drawing, picture, NO_CLOCK)
         given = {each.name: getattr(render_pass, each.name) for each in fields(ColorPass) if each.init}
@@ -57,7 +57,8 @@ def draw_sample(scene, options: Options, camera: Camera, x: int, y: int) -> Draw
     pixel = slice(*given["rows"]), slice(x * options.factor, (x + 1) * options.factor)
     shown = (buffers[name][pixel] for name in ("face", "normal", "position"))
     rgba = picture.rgba[y, x : x + 1].view(np.uint8)
-    return DrawnSample(picture.color[y, x], rgba, probe.found[0] if probe.found else None, bound, *shown)
+    path = probe.found[0] if probe.found else None
+    return DrawnSample(picture.color[y, x], rgba, path, None if is_cut else bound, *shown)
 
 
 @dataclass(**AS_PASS)
