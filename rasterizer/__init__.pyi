@@ -24,6 +24,10 @@ from .errors import RasterizerError as RasterizerError
 from .errors import SceneError as SceneError
 from .frame import Frame as Frame
 from .frame import MissingArray as MissingArray
+from .io.camera_sets import read_colmap as read_colmap
+from .io.camera_sets import read_nerf as read_nerf
+from .io.camera_sets import write_colmap as write_colmap
+from .io.camera_sets import write_nerf as write_nerf
 from .io.loader import demo_model as demo_model
 from .io.loader import load as load
 from .io.scene_file_write import save as save

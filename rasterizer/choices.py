@@ -18,6 +18,7 @@ Buffer = Literal[
 ]  # fmt: skip
 Output = Literal["color", "rgb", Buffer]
 SavedArray = Literal["color", "rgb", "rgba", "alpha", Buffer]
+Scale = float | Literal["auto"] | None  # of depth in PNG files
 Cull = Literal["auto", "none", "back"]
 ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]

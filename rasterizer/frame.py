@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .choices import ARRAY_SUFFIXES, SAVED_ARRAYS, SavedArray
+from .choices import ARRAY_SUFFIXES, SAVED_ARRAYS, SavedArray, Scale
 from .errors import OutputError, SceneError, counted, shown
 from .io.files import write_whole
 from .io.formats import encoded, on_white, picture_format
@@ -109,6 +109,8 @@ class Frame:
     normal_camera : (height, width, 3) float32, `normal` in that frame, 0 where nothing is
     stats : Stats
     size : (width, height) in pixels; `width` and `height` are its parts
+    camera : Camera that it was taken with, as for `frame.camera.project(points, frame.size)`; None of a picture with a
+        colour bar
 
     An array that was not asked for raises SceneError, which says what to ask for.
     """
@@ -125,6 +127,7 @@ class Frame:
         self._arrays = arrays
         self.stats: Stats = stats
         self.size: tuple[int, int] = size
+        self.camera = None if source is None else source.camera
         self._source = source  # what `pick` asks for what the frame doesn't hold
 
     def __getstate__(self) -> dict[str, Any]:
@@ -324,7 +327,7 @@ class Frame:
         *,
         array: SavedArray | Sequence[SavedArray] | None = None,
         format: str | None = None,
-        scale: float | None = None,
+        scale: Scale = None,
         **options: Any,
     ) -> Path:
         """Write the picture, or arrays; the file appears whole or not at all.
@@ -337,8 +340,8 @@ class Frame:
         array : which array, or which ones: names of the attributes. None = the picture; in a `.npy` file "color"; in
             `.npz` and `.exr` files all that the frame has
         format : overrides the suffix: "npy", "npz", "exr" or a name of Pillow's: "PNG", "JPEG", ...
-        scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001. The file says it in a text
-            field, and that 0 is nothing
+        scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001; "auto" = so that the
+            furthest just fits. The file says it in a text field, and that 0 is nothing
         options : passed to Pillow, e.g. quality=95 for a JPEG file, or dpi=300, pixels an inch; without options a PNG
             file is written by `io.png`, which is faster; a TIFF file has a profile of sRGB
 
@@ -362,7 +365,7 @@ class Frame:
         self,
         format: str,
         array: SavedArray | Sequence[SavedArray] | None = None,
-        scale: float | None = None,
+        scale: Scale = None,
         **options: Any,
     ) -> bytes:
         """Return the picture, or arrays, as the bytes of the file that `save` writes; parameters and errors are its.
@@ -385,7 +388,7 @@ class Frame:
         return self.encode_arrays(array, "npy")
 
     def encode_arrays(
-        self, array: SavedArray | Sequence[SavedArray] | None = None, format: str = "npz", scale: float | None = None
+        self, array: SavedArray | Sequence[SavedArray] | None = None, format: str = "npz", scale: Scale = None
     ) -> bytes:
         """Return one or several of the frame's arrays as the bytes of a file; parameters and errors are those of
         `save`."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..frame import Frame
+from ..io.array_files import scale_of
 from ..options import Options
 from ..renderer import Renderer
 from ..scene.camera import Camera
@@ -48,7 +49,8 @@ class Annotator:
 
     def annotate(self, frame: Frame) -> dict[str, Any]:
         """Return what is said of a picture: `size`, `camera` and `objects`, see `render_many`."""
-        camera = frame._source.camera  # type: ignore[union-attr]  # nobody has pickled it
+        camera = frame.camera
+        assert camera is not None  # it was drawn here
         ids = frame.object if frame.has("object") else self._draw(None, "object", camera, self._size)
         rectangles = [_rectangle(corners_of_box(mesh.bounds), camera, self._size) for mesh in self._scene.meshes]
         objects = [self._annotate(k, ids, rectangles, camera) for k in range(len(rectangles))]
@@ -93,6 +95,11 @@ class Annotator:
         return self._renderers[key].render(camera).array(name)
 
 
+def depth_said(frame: Frame, scale: Any) -> dict[str, float]:
+    """Return what a manifest says of depths whose scale follows the picture; of others nothing."""
+    return {"depth_scale": scale_of(frame.depth, scale)} if scale == "auto" and frame.has("depth") else {}
+
+
 def describe(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
     """Return a camera as a dict: "opencv" with K, R and t, None without perspective; "opengl" with the pose."""
     opencv = None
@@ -108,15 +115,10 @@ def describe(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
 def _rectangle(points: NDArray[Any], camera: Camera, size: tuple[int, int]) -> tuple[float, float, float, float]:
     """Return left, top, right and bottom of points, (n, 3), as the picture shows them, in pixels, and one more to each
     side: vertices are rounded. All of the plane where a point isn't before the eye."""
-    view, projection = camera.view(), camera.projection(size)
-    local = points - view.eye
-    across, upward, depth = local @ view.right, local @ view.up, local @ view.forward
-    if not projection.is_perspective:
-        depth = np.ones(len(local))
-    elif depth.min() <= 2.0**-20 * np.abs(local).max():  # else rounding is below 2^-30 of x: a pixel of 2^30
-        return -np.inf, -np.inf, np.inf, np.inf
-    x = projection.center_x + (projection.scale_x * across - projection.skew * upward) / depth
-    y = projection.center_y - projection.scale_y * upward / depth
+    pixels, depth = camera.project(points, size)
+    if camera.is_perspective and depth.min() <= 2.0**-20 * np.abs(points - camera.view().eye).max():
+        return -np.inf, -np.inf, np.inf, np.inf  # else rounding is below 2^-30 of x: a pixel of 2^30
+    x, y = pixels.T
     return float(x.min() - 1), float(y.min() - 1), float(x.max() + 1), float(y.max() + 1)
 
 

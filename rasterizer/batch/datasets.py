@@ -1,9 +1,9 @@
-"""Layouts that others read, made of a manifest and its files: COCO's annotations, and BOP's folders of a scene.
+"""Layouts that others read, made of a manifest and its files: COCO's annotations, and BOP's folders of a dataset.
 
 In:  the manifest of a batch        Out: files
 
-A file of one mesh is a category by the file's name; where there are several, or no file, each mesh is one by its own
-name. Categories have the numbers 1, 2 … in the order of their names.
+COCO's categories are those of the manifest, and have the numbers 1, 2 … in the order of their names. BOP's objects are
+told apart by their triangles, whatever they are called: see bop_models.py.
 
 Sources: COCO, cocodataset.org/#format-data. BOP, the page on the format of datasets in github.com/thodan/bop_toolkit;
 what that doesn't say is as its script does it that counts pixels.
@@ -12,7 +12,7 @@ what that doesn't say is as its script does it that counts pixels.
 import json
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,16 @@ import numpy as np
 
 from ..choices import ARRAY_SUFFIXES
 from ..errors import OutputError, SceneError, import_extra, shown
-from ..io.files import are_same, make_folder_of, write_whole
+from ..io.array_files import DEFAULT_SCALE
+from ..io.files import are_same, checked_path, make_folder_of, write_whole
 from ..io.png import encode_png
 from ..keywords import checked_keywords
+from ..scene.validate import items_of
 from ..scene.validate import number as checked_number
 from .annotations import decode_mask
-from .manifest import as_seen_from, checked_path, read_manifest
+from .bop_models import BopModels
+from .manifest import as_seen_from, categories_of, read_manifest
+from .tasks import RenderTask
 
 _NOWHERE = [-1, -1, -1, -1]  # BOP's box of what isn't seen
 
@@ -61,7 +65,7 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
         width, height = line["size"]
         name = as_seen_from(path, _picture(line, manifest))
         images.append({"id": line["index"], "file_name": name, "width": width, "height": height})
-        for each, category in zip(line["objects"], _names(line), strict=True):
+        for each, category in zip(line["objects"], categories_of(line), strict=True):
             if not each["pixels"]:
                 continue
             mask = masks.frPyObjects(each["mask"], height, width)
@@ -75,9 +79,14 @@ def write_coco(manifest: str | os.PathLike[str], path: str | os.PathLike[str]) -
 
 @checked_keywords
 def write_bop(
-    manifest: str | os.PathLike[str], folder: str | os.PathLike[str], *, unit: float = 1000.0
+    manifest: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    unit: float = 1000.0,
+    tasks: Iterable[RenderTask] | None = None,
 ) -> dict[str, int]:
-    """Write a scene of a BOP dataset: cameras, poses, boxes and visible shares, pictures, depths and masks.
+    """Write a scene of a BOP dataset: cameras, poses, boxes and visible shares, pictures, depths and masks; and the
+    dataset's models and camera.
 
     Parameters
     ----------
@@ -85,42 +94,60 @@ def write_bop(
         or PNG files of the depth, or both
     folder : of the scene, such as "set/train_pbr/000000"; it gets scene_camera.json, scene_gt.json, scene_gt_info.json,
         and the folders rgb, depth, mask and mask_visib. Pictures and depths are copied. The number of a picture is the
-        index of its task
+        index of its task. The dataset gets camera.json and the folder models, with models_info.json: two folders above
+        a scene that is called by a number, so here in "set", else in the folder of the scene
     unit : millimetres that a scene unit has; 1000 = it is a metre
+    tasks : those that the batch was given, in their order, whose models are loaded once more; None = the models are
+        read by their paths in the manifest. Needed where tasks have meshes or scenes, or `load`
 
     Returns
     -------
     dict of the objects' names and their numbers (`obj_id`)
 
-    A model's own frame is that of its scene, so R and t of all objects of a picture are the camera's. Silhouettes are
-    counted in a picture larger by its own size to each side, as BOP's tools do it; the width of a box is that from the
-    middle of its first pixel to that of its last, as with them.
+    An object is what has the same triangles, moved and turned: one mesh in several tasks, or at several places of a
+    scene, is one object, and two meshes of one name are two. Its own frame has its origin in the middle of its box, and
+    the axes that the world has where it is met first. R and t lead from there to the camera. Objects that the dataset
+    has from another scene keep their numbers.
+
+    Silhouettes are counted in a picture larger by its own size to each side, as BOP's tools do it; the width of a box
+    is that from the middle of its first pixel to that of its last, as with them.
 
     Raises
     ------
-    SceneError : what is no manifest, has neither pictures nor depths, or a camera without perspective
+    SceneError : what is no manifest, has neither pictures nor depths, or a camera without perspective; tasks that are
+        needed, or not those of the manifest
+    ModelError : a model that can't be read any more
     OutputError : a file can't be read or written
     """
     if checked_number(unit, "unit") <= 0:
         raise SceneError(f"unit must be above 0, the millimetres of a scene unit; given {shown(unit)}")
     lines, folder = read_manifest(manifest), Path(checked_path(folder, "folder"))
-    ids = _categories(lines)
+    root = folder.parent.parent if folder.name.isdigit() else folder
+    models = BopModels(root / "models", unit)
+    given = None if tasks is None else items_of(tasks)
     cameras: dict[str, Any] = {}
-    poses, infos = {}, {}
+    poses: dict[str, Any] = {}
+    infos: dict[str, Any] = {}
     for line in lines:
         key, calibration = str(line["index"]), line["camera"]["opencv"]
         if calibration is None:
             raise SceneError(f"BOP has cameras with perspective alone; that of task {key} has none")
-        K, R = ([value for row in calibration[name] for value in row] for name in ("K", "R"))
-        t = [value * unit for value in calibration["t"]]
-        cameras[key] = {"cam_K": K, "cam_R_w2c": R, "cam_t_w2c": t}
+        K, R, t = (np.array(calibration[name]) for name in "KRt")
+        cameras[key] = {"cam_K": K.ravel().tolist(), "cam_R_w2c": R.ravel().tolist(), "cam_t_w2c": (t * unit).tolist()}
         cameras[key] |= {"depth_scale": line["depth_scale"] * unit} if line["depth_scale"] else {}
-        poses[key] = [{"obj_id": ids[name], "cam_R_m2c": R, "cam_t_m2c": t} for name in _names(line)]
+        poses[key] = []
+        for number, turn, place in models.find(line, given):
+            pose = {"cam_R_m2c": (R @ turn).ravel().tolist(), "cam_t_m2c": (R @ place + t * unit).tolist()}
+            poses[key].append({"obj_id": number} | pose)
         infos[key] = [_bop_info(each) for each in line["objects"]]
         _write_files(line, manifest, folder)
     for name, content in (("camera", cameras), ("gt", poses), ("gt_info", infos)):
         _write_json(folder / f"scene_{name}.json", content)
-    return ids
+    K, size = np.array(lines[0]["camera"]["opencv"]["K"]), lines[0]["size"]
+    lens = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2], "width": size[0], "height": size[1]}
+    _write_json(root / "camera.json", lens | {"depth_scale": (lines[0]["depth_scale"] or DEFAULT_SCALE) * unit})
+    _write_json(root / "models" / "models_info.json", models.infos)
+    return models.names
 
 
 def import_pycocotools() -> Any:
@@ -186,17 +213,9 @@ def _path(line: dict[str, Any], manifest: str | os.PathLike[str], names: Sequenc
     return None
 
 
-def _names(line: dict[str, Any]) -> list[str]:
-    """Return the category of each object of a line."""
-    stem = "model" if line["model"] is None else Path(line["model"]).stem
-    if len(line["objects"]) == 1 and line["model"] is not None:
-        return [stem]
-    return [each["name"] or f"{stem}-{k}" for k, each in enumerate(line["objects"])]
-
-
 def _categories(lines: list[dict[str, Any]]) -> dict[str, int]:
     """Return the number of each category by its name."""
-    return {name: k + 1 for k, name in enumerate(sorted({name for line in lines for name in _names(line)}))}
+    return {name: k + 1 for k, name in enumerate(sorted({name for line in lines for name in categories_of(line)}))}
 
 
 def _write_json(path: str | os.PathLike[str], content: dict[str, Any]) -> None:

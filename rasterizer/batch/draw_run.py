@@ -16,7 +16,7 @@ from ..renderer import Renderer
 from ..scene.camera import Camera
 from ..scene.lights import random_lights
 from ..scene.scene import Scene
-from .annotations import Annotator
+from .annotations import Annotator, depth_said
 from .tasks import RenderTask, is_random
 
 
@@ -89,7 +89,8 @@ def _draw(run: Run, task: RenderTask, options: Options, shared: Any, kept: dict[
         complete = _options_of(run, task, options, model.file)
         frame = _render(model, task, complete, kept)
         contents = encode(frame, task, complete)
-        said = _annotate(model, complete, frame, kept) if run.is_annotated else None
+        if run.is_annotated:
+            said = _annotate(model, complete, frame, kept) | depth_said(frame, task.scale)
         stats, error = frame.stats, None
     except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
         contents, stats, error = {}, None, plain_error(run.name, fault)

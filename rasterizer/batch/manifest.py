@@ -7,12 +7,12 @@ picture that is left out has the line that one of both files has for it.
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from ..errors import OutputError, SceneError, cut, shown
-from ..io.files import are_same, make_folder_of, write_whole
+from ..errors import OutputError, SceneError, cut
+from ..io.files import are_same, checked_path, make_folder_of, write_whole
 
 FIRST = b'{"index":'  # what a manifest begins with
 
@@ -70,9 +70,11 @@ class Manifest:
         self._add(line | {"index": index})
         return True
 
-    def add(self, index: int, files: dict[str, str], said: dict[str, Any]) -> None:
+    def add(self, index: int, files: dict[str, str], said: dict[str, Any], category: Any = None) -> None:
         """Add the line of a picture that was drawn."""
-        self._add({"index": index, "files": self.relative(files)} | said)
+        named = zip(said["objects"], categories_of(said, category), strict=True)
+        objects = [{"name": each["name"], "category": name} | each for each, name in named]
+        self._add({"index": index, "files": self.relative(files)} | said | {"objects": objects})
 
     def _add(self, line: dict[str, Any]) -> None:
         text = json.dumps(line, separators=(",", ":"), default=_plain).encode() + b"\n"
@@ -149,19 +151,32 @@ def read_manifest(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
     return lines
 
 
-def depth_scale(files: dict[str, str], scale: float | None) -> float | None:
+def depth_scale(files: dict[str, str], scale: Any) -> Any:
     """Return what a manifest says of the depth: scene units of 1 in its file, where that is PNG.
 
     Parameters
     ----------
     files : paths by the names of arrays
-    scale : that is asked for; None = the default
+    scale : that is asked for; None = the default; "auto" is known to who draws alone
     """
     from ..io.array_files import DEFAULT_SCALE
 
     if not files.get("depth", "").lower().endswith(".png"):
         return None
-    return DEFAULT_SCALE if scale is None else float(scale)
+    return DEFAULT_SCALE if scale is None else scale if scale == "auto" else float(scale)
+
+
+def categories_of(line: dict[str, Any], category: str | Mapping[str, str] | None = None) -> list[str]:
+    """Return the category of each object of a line: the one given, text or by the mesh's name; else the one that the
+    line has; else a file of one mesh is a category by its own name, and each of several meshes by the mesh's."""
+    stem = "model" if line["model"] is None else os.path.splitext(os.path.basename(line["model"]))[0]
+    is_one = len(line["objects"]) == 1 and line["model"] is not None
+    found = []
+    for k, each in enumerate(line["objects"]):
+        own = stem if is_one else each["name"] or f"{stem}-{k}"
+        given = category.get(each["name"]) if isinstance(category, Mapping) else category
+        found.append(given or each.get("category") or own)
+    return found
 
 
 def _lines_of(path: str) -> Iterator[dict[str, Any]]:
@@ -188,10 +203,3 @@ def _plain(value: Any) -> Any:
 
 def _is_line(line: object) -> bool:
     return isinstance(line, dict) and isinstance(line.get("files"), dict) and bool(line["files"])
-
-
-def checked_path(path: Any, what: str = "manifest") -> str:
-    """Return the path of a file or folder as text; SceneError for what is none."""
-    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
-        raise SceneError(f"{what} must be a path; given {shown(path)}")
-    return str(os.fspath(path))

@@ -17,7 +17,7 @@ from weakref import finalize
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io import formats
 from ..io.camera_file import viewpoint_of
-from ..io.files import identity_of, refuse_inputs, write_outputs
+from ..io.files import checked_path, identity_of, refuse_inputs, write_outputs
 from ..io.loader import SceneFile, read_source
 from ..keywords import checked_keywords
 from ..options import Options
@@ -25,7 +25,7 @@ from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
-from .manifest import Manifest, checked_path, depth_scale
+from .manifest import Manifest, depth_scale
 from .pools import (
     LONGEST_RUN,
     Died,
@@ -41,7 +41,7 @@ from .pools import (
     replace_job,
     work_through,
 )
-from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
+from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask, is_random
 
 _MAX_KNOWN = 2**16  # outputs and inputs, of which is known which task writes them, and that they are read
 _NEVER_ASKED = "nothing was drawn: render_many draws while its records are asked for, as in `for record in ...`"
@@ -86,11 +86,11 @@ def render_many(
         order, so by the numbers of the array "object".
         A camera has `opencv` {K, R, t} (x_camera = R x + t; null without perspective), and `opengl` {pose, R, t}, where
         pose is the 4 × 4 matrix to the world; `height` in scene units without perspective.
-        An object has `name`; `pixels` that show it, `box` [left, top, width, height] round them or null, and `mask`,
-        as COCO's run lengths; `pixels_alone`, which it would have if nothing else were there, and `mask_alone`, null
-        where that is the same; `visible`, pixels / pixels_alone, 0 where it has none; `pixels_whole` and `box_whole`,
-        alone and in a picture larger by its own size to each side: what the border cuts off counts there. What is
-        transparent hides what is behind it as anything else does
+        An object has `name` and `category`; `pixels` that show it, `box` [left, top, width, height] round them or null,
+        and `mask`, as COCO's run lengths; `pixels_alone`, which it would have if nothing else were there, and
+        `mask_alone`, null where that is the same; `visible`, pixels / pixels_alone, 0 where it has none; `pixels_whole`
+        and `box_whole`, alone and in a picture larger by its own size to each side: what the border cuts off counts
+        there. What is transparent hides what is behind it as anything else does
 
     Returns
     -------
@@ -264,6 +264,8 @@ class Batch:
 
     def _check(self, index: int, task: RenderTask) -> Item | RenderRecord:
         """Return a task as an item; its record where its files are there and shall stay."""
+        if task.seed is None and (is_random(task.view) or is_random(task.lights)):
+            task = replace(task, seed=index)
         options = task.check()
         if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
             task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
@@ -281,7 +283,7 @@ class Batch:
             self._outputs.popitem(last=False)
         if self._existing != "replace" and self._is_done(outputs.values(), path, task):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
-                return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs))
+                return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs), seed=task.seed)
         if path is None:
             return Item(index, task, options, None, self._share(task.source, task.loading))
         refuse_inputs(outputs, {identity_of(path): path})
@@ -389,12 +391,13 @@ class Batch:
             write_outputs(drawn.contents, self._inputs)
             if self._manifest is not None:
                 files = item.task.named_files(drawn.options or item.options)
-                self._manifest.add(item.number, files, _said_of(item.task, files) | (drawn.said or {}))
+                said = _said_of(item.task, files) | (drawn.said or {})
+                self._manifest.add(item.number, files, said, item.task.category)
         except OutputError as error:
             return _failed(item.number, item.task, error, drawn.seconds)
         return RenderRecord(
             item.number, paths[0], "drawn", drawn.seconds, None, drawn.stats, source_of(item.task),
-            (*note.warnings, *drawn.warnings), paths, drawn.remarks,
+            (*note.warnings, *drawn.warnings), paths, item.task.seed, drawn.remarks,
         )  # fmt: skip
 
 
@@ -416,7 +419,9 @@ def _failed(
     """The record of a task that failed."""
     paths = task.output.values() if isinstance(task.output, Mapping) else [task.output]
     texts = tuple(dict.fromkeys(map(str, paths)))
-    return RenderRecord(index, task.path, "failed", seconds, error, None, source_of(task), (), texts, remarks)
+    return RenderRecord(
+        index, task.path, "failed", seconds, error, None, source_of(task), (), texts, task.seed, remarks
+    )
 
 
 def newest_beside(folder: str) -> int:

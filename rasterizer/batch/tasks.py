@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from inspect import signature
 from typing import Any, Literal, get_args
 
-from ..choices import ARRAY_SUFFIXES, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray
+from ..choices import ARRAY_SUFFIXES, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray, Scale
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.formats import picture_format
@@ -47,10 +47,14 @@ class RenderTask:
     load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
     array : which array a file at one path holds, or which ones, as in `Frame.save`; None = the picture; in a .npy file
         the first of the outputs, in .npz and .exr files all of them
-    scale : of the depth in PNG files: the scene units that 1 stands for, as in `Frame.save`; None = 0.001
+    scale : of the depth in PNG files: the scene units that 1 stands for, as in `Frame.save`; None = 0.001; "auto" = so
+        that the furthest of the picture just fits: the manifest has it
     lights : in place of the model's, which is read once for all: a light or several; "random", or a dict of other
         arguments of `random_lights`, for lights by `seed`; None = the model's
-    seed : whole number, at least 0, of what is random; the manifest has it
+    seed : whole number, at least 0, of what is random; None = the task's number in its batch, 0, 1 …; its record and
+        the manifest have it
+    category : what its model is, for the manifest and COCO: text, or a dict of meshes' names and their categories; of
+        None, and of what a dict doesn't name, a file with one mesh is one by the file's name, else each mesh by its own
 
     Nothing is checked before the task is done, so that one that is not legal doesn't stop the others.
     """
@@ -62,9 +66,10 @@ class RenderTask:
     options: Options | Mapping[str, Any] = field(default_factory=dict)
     load: Mapping[str, Any] = field(default_factory=dict)
     array: SavedArray | Sequence[SavedArray] | None = None
-    scale: float | None = None
+    scale: Scale = None
     lights: Any = None
     seed: int | None = None
+    category: str | Mapping[str, str] | None = None
 
     @property
     def name(self) -> str:
@@ -124,8 +129,11 @@ class RenderTask:
             raise SceneError(f"lights must be {legal}; given {self.lights!r}")
         if self.seed is not None:
             whole(self.seed, "seed", 0)
-        elif is_random(self.view) or is_random(self.lights):
-            raise SceneError("what is random needs a seed: a whole number, another one for each task")
+        named = self.category if isinstance(self.category, Mapping) else {"": self.category or ""}
+        if not all(isinstance(text, str) for text in (*named, *named.values())):
+            raise SceneError(
+                f"category must be text, or a dict of meshes' names and texts; given {shown(self.category)}"
+            )
         from ..io.array_files import check_arrays
         from ..io.camera_file import viewpoint_of
 
@@ -145,7 +153,7 @@ class RenderTask:
         pickle.dumps((self.view_words, self.look, self.view, self.lights))  # other processes get them
         return options
 
-    def scale_in(self, path: str, names: tuple[str, ...]) -> float | None:
+    def scale_in(self, path: str, names: tuple[str, ...]) -> Any:
         """Return the scale that a file is written with; None for all but depth in a PNG file."""
         return self.scale if names == ("depth",) and path.lower().endswith(".png") else None
 
@@ -236,6 +244,7 @@ class RenderRecord:
     model : path, text; None where it was no file
     warnings : what its model was warned of, and that it was lost with a process once, texts
     files : paths of all that it writes, texts, in the order in which they were given
+    seed : of what was random; None where nothing was
     remarks : what else is said of it by the command that drew it; None elsewhere
     """
 
@@ -248,6 +257,7 @@ class RenderRecord:
     model: str | None = None
     warnings: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    seed: int | None = None
     remarks: Any = field(default=None, repr=False, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
@@ -256,7 +266,7 @@ class RenderRecord:
         found |= {"output": self.output, "files": list(self.files)}
         found |= {"seconds": round(self.seconds, 4), "error": None if self.error is None else str(self.error)}
         coverage = None if self.stats is None else self.stats.coverage
-        return found | {"coverage": coverage, "warnings": list(self.warnings)}
+        return found | {"seed": self.seed, "coverage": coverage, "warnings": list(self.warnings)}
 
 
 @dataclass

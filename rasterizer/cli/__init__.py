@@ -146,6 +146,8 @@ def _run(arguments, messages, is_imported) -> int:
             _import_renderer()
     request, own = _read(arguments)
     is_imported()
+    if getattr(request, "is_seed_assumed", False):
+        messages.notice("what is random has the seed 0; --seed N makes others")
     failures, n_model = command.run(request, messages, **own)
     if failures and len(failures) < n_model:
         return SOME_FAILED

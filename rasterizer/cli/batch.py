@@ -54,7 +54,11 @@ def add_flags(parser) -> None:
         help="write a line of JSON for each picture: its files, its camera (K, R, t), and box, mask and visible share "
         "of each object; rz.render_many says more")  # fmt: skip
     add("--coco", metavar="FILE", help="annotations as COCO has them, made of the manifest (extra dataset)")
-    add("--bop", metavar="FOLDER", help="a scene of a BOP dataset, made of the manifest")
+    add(
+        "--bop",
+        metavar="FOLDER",
+        help="a scene of a BOP dataset, SET/SPLIT/000000, made of the manifest; SET gets the models",
+    )
     add("--unit", type=values.number, metavar="MM", default=1000.0,
         help="millimetres of a scene unit, for --bop (default 1000)")  # fmt: skip
     add_camera(parser, has_seed=True)
@@ -65,7 +69,7 @@ def run(request, messages, *, scheduler, is_changed, manifest, coco, bop, unit) 
     """Draw every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..batch.datasets import write_bop, write_coco
     from .outputs import check_scale, plan_targets
-    from .processes import can_use_processes, draw_in_processes
+    from .processes import can_use_processes, draw_in_processes, shots_of
     from .render import render_view
 
     start = perf_counter()
@@ -82,7 +86,7 @@ def run(request, messages, *, scheduler, is_changed, manifest, coco, bop, unit) 
     if summary.drawn + summary.skipped and coco:
         write_coco(manifest, coco)
     if summary.drawn + summary.skipped and bop:
-        write_bop(manifest, bop, unit=unit)
+        write_bop(manifest, bop, unit=unit, tasks=shots_of(request, plan))
     summary.seconds = perf_counter() - start
     messages.notice(summary.describe("file" if request.files.holds_arrays else "picture"))
     if request.is_json:

@@ -136,8 +136,9 @@ def add_arrays(parser) -> None:
     add("--array", dest="outputs", action="append", choices=tuple(_HELD), metavar="NAME",
         help="write this array of the picture, as .npy, .png or .exr (default MODEL.npy), or several, as .npz or .exr "
         "(repeat it; default MODEL.npz)")
-    add("--scale", type=values.number, metavar="UNITS",
-        help="scene units for each step of a depth in a .png, which has the steps 1 to 65535 (default 0.001)")
+    add("--scale", type=values.scale, metavar="UNITS",
+        help="scene units for each step of a depth in a .png, which has the steps 1 to 65535 (default 0.001); auto = "
+        "as fine as the furthest depth of each picture allows")
     _add_option(group, "min_opacity", "the least opacity of a surface that arrays other than color and rgb show "
                 "(default 0: all)", type=values.fraction, metavar="A")
 
@@ -171,7 +172,7 @@ def add_camera(parser, views=True, azimuth="about the up axis",
             help=f"from {', '.join(legal)}; several, with commas, make a picture each")
     if has_seed:
         add("--seed", type=values.seed, metavar="N",
-            help="seed of random views, which are N, N+1, ... for each model, and of --light random")
+            help="seed of random views, which are N, N+1, ... for each model, and of --light random (default 0)")
     add("--azimuth", type=values.number, metavar="A", help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})")
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
     add("--fov", type=values.number, metavar="A", help=f"vertical field of view, degrees (default {FOV:g})")

@@ -275,7 +275,7 @@ def check_scale(files) -> None:
     """Refuse a scale for anything but the depth in a PNG file, or one that is not above 0."""
     if not any(suffix_of(output) == "png" and "depth" in (names or ()) for output, names in files.asked):
         raise SceneError("--scale is that of depth in a PNG file: it needs --array depth and -o NAME.png")
-    if not files.scale > 0:
+    if files.scale != "auto" and not files.scale > 0:
         raise SceneError(f"--scale must be a number above 0; given {files.scale:g}")
 
 

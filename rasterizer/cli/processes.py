@@ -11,7 +11,7 @@ from functools import partial
 from time import perf_counter
 from typing import Any
 
-from ..batch.annotations import Annotator
+from ..batch.annotations import Annotator, depth_said
 from ..batch.draw_run import Drawn, Run, identify, is_seen
 from ..batch.pools import make_pool
 from ..batch.rendering import Batch
@@ -59,8 +59,7 @@ def draw_in_processes(
     the failures, one error for each model that failed; and how many files were drawn, skipped or failed
     """
     request = replace(request, options=replace(request.options, threads=request.options.threads or 1))
-    pool, reading = make_pool(executor, request.n_process), request.look.reading | {"camera": "file"}
-    shots = [_shot_of(of_view, request, reading) for targets in plan for of_view in by_view(targets)]
+    pool, shots = make_pool(executor, request.n_process), shots_of(request, plan)
     if not pool.is_warm:
         messages.notice("compiling kernels for the first time, which takes a while: raster warmup does it ahead")
     results = Results(messages, sum(map(len, plan)), is_told=not request.is_json)
@@ -86,6 +85,12 @@ def draw_in_processes(
     failures += [next(iter(errors.values())) for errors in said_of.values() if errors]
     summary.first_error = str(failures[0]) if failures else None
     return failures, summary
+
+
+def shots_of(request, plan) -> list[Shot]:
+    """Return the tasks of a plan, in its order."""
+    reading = request.look.reading | {"camera": "file"}
+    return [_shot_of(of_view, request, reading) for targets in plan for of_view in by_view(targets)]
 
 
 def _shot_of(targets, request, reading) -> Shot:
@@ -153,7 +158,8 @@ def draw_shots(draw, request, run: Run, shared, kept) -> list[Drawn] | None:
                     loaded, files_read = _load(run, request, messages, shared, kept)
                     made = made or _make(loaded, run.is_annotated, stack)
                     frame = draw(shot.targets, made[0], loaded, request, messages, output, start)
-                    said = made[1].annotate(frame) if run.is_annotated else None
+                    if run.is_annotated:
+                        said = made[1].annotate(frame) | depth_said(frame, shot.scale)
                 except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
                     error = failure_of(run.name, request.options.size, fault)
                     messages.fault(error, fault)

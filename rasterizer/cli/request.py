@@ -42,7 +42,7 @@ class Files(NamedTuple):
     default_name: str = "{stem}"  # the template of a name without suffix, where none is asked for
     default_suffix: str = ".png"
     always_writes: bool = False  # also where none is asked for
-    scale: float | None = None  # of depth in PNG files
+    scale: float | str | None = None  # of depth in PNG files
     skip_existing: bool = False
     colorbar: bool = False  # whether pictures have one
     may_be_empty: bool = False  # whether a folder without models is no fault
@@ -84,6 +84,7 @@ class Request:
     is_view_given: bool  # whether any flag but --zoom and --camera says where the picture is taken from, and how
     is_up_given: bool
     seed_of_lights: int | None  # of random lights, where they are asked for
+    is_seed_assumed: bool = False  # whether something is random, and no seed was given
     read: tuple[str, ...]  # files that flags name, but for the models
     files: Files
     is_json: bool
@@ -143,7 +144,8 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
         name: take(name, default)
         for name, default in {**dict.fromkeys(_VIEWPOINT), "ortho": False, "zoom": 1.0}.items()
     }
-    views, seed = _numbered_views(take("views", []), take("seed", None), is_random)
+    given_seed = take("seed", None)
+    views, seed = _numbered_views(take("views", []), given_seed, is_random)
     shadow_fields = {"size": take("shadow_size", None), "filter": take("shadow_filter", None)}
     shadow_fields = {name: value for name, value in shadow_fields.items() if value is not None}
     shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
@@ -169,6 +171,7 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
         is_view_given=bool(views != (None,) or up is not None or words_given({"view": None} | view_words)),
         is_up_given=up is not None,
         seed_of_lights=seed if is_random else None,
+        is_seed_assumed=seed is not None and given_seed is None,
         read=tuple(_files_named(materials, view_words["camera"], scalars)),
         files=files,
         is_json=take("json", False),
@@ -263,12 +266,11 @@ def seed_of(view: str | None) -> int | None:
 
 
 def _numbered_views(words: Any, seed: int | None, has_random_lights: bool) -> tuple[tuple[str | None, ...], int | None]:
-    """Return the names of views, random ones with their seeds; SceneError for a seed that is missing, or in vain."""
+    """Return the names of views, random ones with their seeds; 0 where none is given; SceneError for a seed in vain."""
     is_random = has_random_lights or any(word.startswith(RANDOM) for word in words)
-    if is_random and seed is None:
-        raise SceneError("what is random needs --seed N, a whole number of at least 0")
     if seed is not None and not is_random:
         raise SceneError("--seed needs something that is random: --view random:N, or --light random")
+    seed = 0 if seed is None and is_random else seed
     names, number = [], seed
     for word in words:
         first, _, count = word.partition(":")

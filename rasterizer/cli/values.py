@@ -24,6 +24,11 @@ def number(text) -> float:
     return value
 
 
+def scale(text) -> float | str:
+    """A finite number, or auto."""
+    return text if text == "auto" else number(text)
+
+
 def fraction(text) -> float:
     """A finite number, or one over another: 1/4096."""
     above, slash, below = text.partition("/")

@@ -27,7 +27,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS
+from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS, Scale
 from ..errors import OutputError, SceneError, cut, import_extra, shown
 from ..scene.validate import number
 from .png import encode_png
@@ -55,7 +55,7 @@ CHANNELS = {  # of EXR files that hold several arrays
 }
 
 
-def encode_arrays(arrays: dict[str, NDArray], format: str, scale: float | None = None) -> bytes:
+def encode_arrays(arrays: dict[str, NDArray], format: str, scale: Scale = None) -> bytes:
     """Return arrays by name as the bytes of a file.
 
     Parameters
@@ -78,7 +78,7 @@ def encode_arrays(arrays: dict[str, NDArray], format: str, scale: float | None =
     return encode_npz(arrays) if format == "npz" else encode_exr(arrays)
 
 
-def check_arrays(names: Sequence[str], format: str, scale: float | None = None) -> None:
+def check_arrays(names: Sequence[str], format: str, scale: Scale = None) -> None:
     """Refuse what a file of arrays can't hold; parameters and errors are those of `encode_arrays`."""
     if not names:
         raise SceneError(f"array must name at least one of {', '.join(SAVED_ARRAYS)}; given none")
@@ -118,14 +118,14 @@ def encode_npz(arrays: dict[str, NDArray]) -> bytes:
     return stream.getvalue()
 
 
-def encode_array_png(name: str, array: NDArray, scale: float | None = None) -> bytes:
+def encode_array_png(name: str, array: NDArray, scale: Scale = None) -> bytes:
     """Return an array as the bytes of a PNG file.
 
     Parameters
     ----------
     name : one of IN_PNG
     array : as `Frame` has it
-    scale : scene units that 1 in the file stands for, of depths alone; None = DEFAULT_SCALE
+    scale : scene units that 1 in the file stands for, of depths alone, see `scale_of`
 
     Raises
     ------
@@ -136,7 +136,7 @@ def encode_array_png(name: str, array: NDArray, scale: float | None = None) -> b
     if name in ("rgb", "rgba"):
         return encode_png(array)
     if name == "depth":
-        stored, text = _stored_depths(array, DEFAULT_SCALE if scale is None else number(scale, "scale"))
+        stored, text = _stored_depths(array, scale_of(array, scale))
     elif name == "mask":
         stored, text = np.where(array, np.uint8(MAX_U8), np.uint8(0)), _text(1 / MAX_U8, 0, "0 or 1")
     elif name == "alpha":
@@ -154,12 +154,22 @@ def encode_array_png(name: str, array: NDArray, scale: float | None = None) -> b
     return encode_png(stored.reshape(*array.shape[:2], -1), {"array": name, **text}, has_runs)
 
 
-def check_scale(scale: float | None, name: str) -> None:
+def check_scale(scale: Scale, name: str) -> None:
     """Refuse a scale that is no number above 0, or of another array than depth; raises SceneError."""
     if scale is not None and name != "depth":
         raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for {name!r}")
-    if scale is not None and not number(scale, "scale") > 0:
-        raise SceneError(f"scale must be a number above 0: the scene units of 1 in the file; given {shown(scale)}")
+    is_given = scale is not None and not (isinstance(scale, str) and scale == "auto")
+    if is_given and not number(scale, "scale") > 0:
+        raise SceneError(f"scale must be a number above 0, the scene units of 1, or 'auto'; given {shown(scale)}")
+
+
+def scale_of(depths: NDArray, scale: Scale) -> float:
+    """Return the scene units that 1 stands for in a PNG file of depths; "auto": so that the furthest just fits, rounded
+    up to two digits."""
+    if scale != "auto":
+        return DEFAULT_SCALE if scale is None else number(scale, "scale")
+    high = float(np.max(depths, where=np.isfinite(depths), initial=0.0))
+    return _rounded_up(high / MAX_U16) if high > 0.0 else DEFAULT_SCALE
 
 
 def _stored_depths(depths: NDArray, scale: float) -> tuple[NDArray[np.uint16], dict[str, str]]:
@@ -177,8 +187,8 @@ def _stored_depths(depths: NDArray, scale: float) -> tuple[NDArray[np.uint16], d
 
 def _rounded_up(value: float) -> float:
     """Return the next number with two digits."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return math.ceil(value / unit) * unit
+    power = math.floor(math.log10(value)) - 1
+    return float(f"{math.ceil(value / 10.0**power)}e{power}")
 
 
 def _text(scale: float, offset: float, unit: str) -> dict[str, str]:

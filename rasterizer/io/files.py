@@ -27,8 +27,9 @@ import stat
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
-from ..errors import ModelError, OutputError, cut, shown
+from ..errors import ModelError, OutputError, SceneError, cut, shown
 
 _SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
 LONG = 1 << 22  # bytes of a file that is worth reading in parts
@@ -339,6 +340,13 @@ def write_all(contents: Mapping[str, bytes]) -> None:
         for name, *_ in hidden:
             if os.path.lexists(name):
                 os.unlink(name)
+
+
+def checked_path(path: Any, what: str = "manifest") -> str:
+    """Return the path of a file or folder as text; SceneError for what is none."""
+    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str) or not os.fspath(path):
+        raise SceneError(f"{what} must be a path; given {shown(path)}")
+    return str(os.fspath(path))
 
 
 def make_folder_of(output: str) -> None:

@@ -197,12 +197,20 @@ class Camera:
         position: VectorLike,
         target: VectorLike = (0, 0, 0),
         up: VectorLike | Axis = (0, 1, 0),
-        fov: float = 45.0,
+        fov: float | None = None,
         near: float | None = None,
         far: float | None = None,
+        *,
+        fov_x: float | None = None,
+        size: Sequence[int] | None = None,
     ) -> "Camera":
-        """Make a perspective camera that looks at `target`; parameters and errors as in the class."""
-        return cls(position=position, target=target, up=up, fov=fov, near=near, far=far)
+        """Make a perspective camera that looks at `target`; parameters and errors as in the class.
+
+        `fov` is 45 degrees where none is given. In its place may stand `fov_x`, the horizontal field of view in degrees
+        of pictures of `size`, (width, height); every picture shows at least what these do.
+        """
+        lens = _lens(fov, None, fov_x, size)
+        return cls(position=position, target=target, up=up, near=near, far=far, **lens)
 
     @classmethod
     def orthographic(
@@ -233,8 +241,8 @@ class Camera:
 
         `fov` is 45 degrees where neither is given; the other parameters and errors are as in the class.
         """
-        fov = 45.0 if fov is None and height is None else fov
-        return cls(position=position, target=target, up=up, fov=fov, height=height, near=near, far=far)
+        lens = _lens(fov, height, None, None)
+        return cls(position=position, target=target, up=up, near=near, far=far, **lens)
 
     @classmethod
     @checked_keywords
@@ -335,7 +343,7 @@ class Camera:
     def random(
         cls,
         subject: Any,
-        seed: int,
+        seed: int = 0,
         *,
         elevation: float | Sequence[float] = (-90.0, 90.0),
         distance: float | Sequence[float] = 1.0,
@@ -387,6 +395,10 @@ class Camera:
         near: float | None = None,
         far: float | None = None,
         frame: PoseFrame = "opengl",
+        *,
+        fov_x: float | None = None,
+        K: ArrayLike | None = None,
+        size: Sequence[int] | None = None,
     ) -> "Camera":
         """Make a camera from its pose, the matrix that takes points of the camera's frame to the world.
 
@@ -398,6 +410,9 @@ class Camera:
         height : scene units that the picture is high, for a camera without perspective
         near, far : as in the class
         frame : "opengl": x to the right, y up, looking down -z; "opencv": x to the right, y down, looking down +z
+        fov_x : horizontal field of view in degrees, in the place of `fov`
+        K : (3, 3) in pixels, in the place of a field of view, as in `from_opencv`
+        size : (width, height) in pixels of the pictures that `fov_x` or K belongs to
 
         Raises
         ------
@@ -410,7 +425,14 @@ class Camera:
         rotation, eye = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)"), matrix[:3, 3]
         if frame == "opencv":
             rotation = rotation * (1.0, -1.0, -1.0)
-        return cls.look_at(eye, _target(eye, -rotation[:, 2]), rotation[:, 1], fov, height, near, far)
+        if K is not None:
+            if fov is not None or height is not None or fov_x is not None:
+                raise SceneError("K says the field of view; given fov, fov_x or height beside it")
+            R = rotation.T * np.array([[1.0], [-1.0], [-1.0]])
+            return cls.from_opencv(K, R, -R @ eye, _needed_size(size, "K"), near, far)
+        lens = _lens(fov, height, fov_x, size)
+        target = _target(eye, -rotation[:, 2])
+        return cls(position=eye, target=target, up=rotation[:, 1], near=near, far=far, **lens)
 
     @property
     def pose(self) -> NDArray[np.float64]:
@@ -436,7 +458,7 @@ class Camera:
         ----------
         K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels; OpenCV counts from the centre of the first
             pixel, so its (cx, cy) is (cx + ½, cy + ½) here. There is no distortion of lenses: undistort pictures
-            first (`cv2.undistort`), and take the K that they have then
+            first, `cv2.undistort(picture, K, distortion)`, which then have the same K
         R : (3, 3) rotation from world to camera; the nearest exact rotation is taken
         t : (3,) or (3, 1), scene units
         size : (width, height) of the pictures that K belongs to, pixels
@@ -472,6 +494,36 @@ class Camera:
         R = np.stack([right, -up, forward])
         return K, R, -R @ eye
 
+    @checked_keywords
+    def project(self, points: ArrayLike, size: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where points are in a picture, and how far away.
+
+        Parameters
+        ----------
+        points : (..., 3) numbers, world space, such as `Mesh.vertices`, or `frame.position`
+        size : (width, height) of the picture in pixels
+
+        Returns
+        -------
+        pixels (..., 2) float64: x to the right, y down; the picture's corner is (0, 0), the centre of its first pixel
+            (0.5, 0.5), as everywhere here and in COLMAP. OpenCV counts from that centre: take 0.5 off. NaN for what
+            isn't before a camera with perspective
+        depth (...,) float64: along the viewing axis, scene units, as `frame.depth`
+
+        Raises
+        ------
+        SceneError : points that are none, a size that is not legal
+        """
+        array = real_array(points)
+        if array is None or array.ndim == 0 or array.shape[-1] != 3:
+            raise SceneError(f"points must be numbers of the shape (..., 3); given {shown(points)}")
+        view, lens = self.view(), self.projection(size)
+        local = array.astype(np.float64) - view.eye
+        across, upward, depth = local @ view.right, local @ view.up, local @ view.forward
+        w = np.where(depth > 0.0, depth, np.nan) if lens.is_perspective else np.ones_like(depth)
+        x = lens.center_x + (lens.scale_x * across - lens.skew * upward) / w
+        return np.stack([x, lens.center_y - lens.scale_y * upward / w], axis=-1), depth
+
     def view(self) -> View:
         """Return the eye and the camera's axes: View, of (3,) float64 each, world space."""
         to_target = np.subtract(self.target, self.position)
@@ -505,6 +557,26 @@ class Camera:
         elif self.fov is not None:
             scale = 0.5 * frame_height / math.tan(math.radians(self.fov) / 2.0)
         return Projection(scale, scale, 0.5 * width, 0.5 * height, self.is_perspective)
+
+
+def _lens(fov: float | None, height: float | None, fov_x: float | None, size: Sequence[int] | None) -> dict[str, Any]:
+    """Return the fields of a camera that say how much it shows: a `fov` of 45 degrees where nothing is given."""
+    if fov_x is None:
+        if size is not None:
+            raise SceneError(f"size goes with fov_x or K: it is that of their pictures; given {shown(size)} alone")
+        return {"fov": 45.0 if fov is None and height is None else fov, "height": height}
+    if fov is not None or height is not None:
+        raise SceneError("a camera has one of fov, fov_x and height; given two")
+    width, rows = picture_size(_needed_size(size, "fov_x"))
+    slope = math.tan(math.radians(framing.checked_fov(fov_x)) / 2.0) * rows / width
+    return {"fov": math.degrees(2.0 * math.atan(slope)), "aspect": width / rows}
+
+
+def _needed_size(size: Sequence[int] | None, what: str) -> Sequence[int]:
+    """Return the size of the pictures that something belongs to; SceneError where there is none."""
+    if size is None:
+        raise SceneError(f"{what} needs size=(width, height), that of its pictures in pixels; given none")
+    return size
 
 
 def _target(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> NDArray[np.float64]:

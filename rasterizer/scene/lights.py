@@ -399,7 +399,7 @@ def tabletop() -> tuple[Light, ...]:
 
 @checked_keywords
 def random_lights(
-    seed: int,
+    seed: int = 0,
     *,
     n: int | Sequence[int] = (1, 3),
     elevation: float | Sequence[float] = (0.0, 90.0),
@@ -407,9 +407,10 @@ def random_lights(
     ambient: float | Sequence[float] = (0.05, 0.2),
     up: Axis = "y",
     shadow: Shadow | bool | None = None,
+    fill: float | Sequence[float] = (0.3, 0.5),
 ) -> tuple[Light, ...]:
-    """Return an ambient and some directional lights, neutral and attached to the world, from random sides; the same for
-    a seed.
+    """Return an ambient and some directional lights, neutral and attached to the world, from random sides; and one that
+    is attached to the camera, so that no side that is seen is dark. The same for a seed.
 
     Parameters
     ----------
@@ -421,6 +422,8 @@ def random_lights(
     ambient : intensity of the ambient light, linear
     up : the axis that points upwards in the scene
     shadow : of each, as in `DirectionalLight`
+    fill : intensity of the light that is attached to the camera: it shines from a random side within 45 degrees of the
+        viewer, and casts no shadow; 0 = there is none
 
     Raises
     ------
@@ -429,13 +432,18 @@ def random_lights(
     low, high = (int(end) for end in checked_range(n, "n", 0, _MAX_RANDOM))
     elevations = checked_range(elevation, "elevation", -90, 90)
     intensities, ambients = checked_range(intensity, "intensity", 0, 1e6), checked_range(ambient, "ambient", 0, 1e6)
+    fills = checked_range(fill, "fill", 0, 1e6)
     choice(up, AXES, "up")
-    first, second, *numbers = uniform_numbers(seed, LIGHTS, 2 + 3 * _MAX_RANDOM)
+    first, second, *numbers = uniform_numbers(seed, LIGHTS, 5 + 3 * _MAX_RANDOM)
     found: list[Light] = [AmbientLight(within(ambients, first))]
     for k in range(low + int(second * (high - low + 1))):
         around, above, strength = numbers[3 * k : 3 * k + 3]
         forward = orbit_axes(360.0 * around, elevation_at(elevations, above), up)[2]
         found.append(DirectionalLight(forward, within(intensities, strength), shadow=shadow))
+    around, above, strength = numbers[-3:]
+    if fills[1] > 0.0:  # the viewer is where the camera's z points to
+        forward = orbit_axes(360.0 * around, elevation_at((45.0, 90.0), above), "z")[2]
+        found.append(DirectionalLight(forward, within(fills, strength), "camera"))
     return tuple(found)
 
 

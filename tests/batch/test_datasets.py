@@ -325,16 +325,29 @@ def test_random_lights_are_within_their_ranges_and_the_same_for_a_seed():
     counts = set()
     for seed in range(200):
         ambient, *others = rz.random_lights(
-            seed, n=(0, 2), elevation=(30, 60), intensity=(0.5, 0.6), up="z", shadow=True
+            seed, n=(0, 2), elevation=(30, 60), intensity=(0.5, 0.6), up="z", shadow=True, fill=0
         )
         counts.add(len(others))
         assert 0.05 <= ambient.color[0] <= 0.2
         for light in others:
             assert 0.5 <= light.color[0] == light.color[2] <= 0.6 and light.shadow == rz.Shadow()
             assert 0.5 - 1e-9 <= -light.direction[2] <= np.sqrt(0.75) + 1e-9
+    assert rz.random_lights() == rz.random_lights(0)
     assert counts == {0, 1, 2} and rz.random_lights(5) == rz.random_lights(5) != rz.random_lights(6)
     with pytest.raises(rz.SceneError, match=r"n must be a range within 0\.\.100"):
         rz.random_lights(1, n=(1, 200))
+
+
+def test_random_lights_leave_no_side_dark_that_a_random_view_sees():
+    """The mean brightness of what is seen, of 0 to 1 in sRGB: on a flat side, and on a round body."""
+    means = []
+    for scene in (rz.load(CUBE), rz.load(TORUS)):
+        with rz.Renderer(scene, (32, 24), outputs="rgb", samples=1) as renderer:
+            for seed in range(200):
+                with renderer.in_lights(rz.random_lights(seed, up=scene.up)) as lit:
+                    frame = lit.render(rz.Camera.random(scene, seed, size=(32, 24)))
+                means.append(frame.rgb[frame.alpha > 0].mean() / 255)
+    assert min(means) > 0.25
 
 
 def test_lights_of_a_task_take_the_place_of_those_of_its_model():
@@ -398,6 +411,8 @@ def test_pycocotools_reads_the_masks_of_the_object_buffer(made, capsys):
 def test_a_bop_scene_has_what_the_format_says(made):
     folder, lines = made / "train_pbr" / "000000", read_manifest(made / "data" / "m.jsonl")
     ids = rz.write_bop(made / "data" / "m.jsonl", folder, unit=100)
+    models, lens = (json.loads((made / name).read_text()) for name in ("models/models_info.json", "camera.json"))
+    assert sorted(map(str, ids.values())) == sorted(models) and (lens["width"], lens["height"]) == SIZE
     cameras, poses, infos = (
         json.loads((folder / f"scene_{name}.json").read_text()) for name in ("camera", "gt", "gt_info")
     )
@@ -425,19 +440,79 @@ def test_a_bop_scene_has_what_the_format_says(made):
         assert len(poses[key]) == len(infos[key]) == len(line["objects"])
         for k, (pose, info, each) in enumerate(zip(poses[key], infos[key], line["objects"], strict=True)):
             assert pose["obj_id"] == ids[each["name"] if len(line["objects"]) > 1 else "torus"]
-            assert (pose["cam_R_m2c"], pose["cam_t_m2c"]) == (camera["cam_R_w2c"], camera["cam_t_w2c"])
+            (model,) = rz.load(made / "models" / f"obj_{pose['obj_id']:06d}.ply").meshes
+            assert np.allclose(model.bounds.sum(axis=0), 0, atol=1e-3), "about the middle of its box"
+            low, size_mm = ([models[str(pose["obj_id"])][f"{k}_{axis}"] for axis in "xyz"] for k in ("min", "size"))
+            assert np.allclose(model.bounds[0], low) and np.allclose(np.ptp(model.bounds, axis=0), size_mm)
+            posed = rz.Camera.from_opencv(K, np.reshape(pose["cam_R_m2c"], (3, 3)), pose["cam_t_m2c"], size)
+            drawn = rz.render(rz.Scene(model), size, camera=posed, outputs="mask").mask
             mask, visib = (
                 np.asarray(Image.open(folder / name / f"{key:0>6}_{k:06d}.png")) for name in ("mask", "mask_visib")
             )
             assert set(np.unique(mask)) | set(np.unique(visib)) <= {0, 255} and mask.shape == visib.shape == tuple(
                 size[::-1]
             )
+            assert (drawn != (mask > 0)).sum() <= 2, "the model by its pose and K is the mask, but for rounding"
             assert (info["px_count_all"], info["px_count_valid"]) == (each["pixels_whole"], (mask > 0).sum())
             assert info["px_count_visib"] == (visib > 0).sum() == each["pixels"] and not (visib > mask).any()
             assert info["visib_fract"] == (each["pixels"] / each["pixels_whole"] if each["pixels_whole"] else 0)
             box = box_of(visib > 0)
             assert info["bbox_visib"] == ([-1] * 4 if box is None else [*box[:2], box[2] - 1, box[3] - 1])
             assert len(info["bbox_obj"]) == 4
+
+
+def placed(mesh, rng):
+    """The mesh, turned and moved anyhow."""
+    pose = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    pose *= np.sign(np.linalg.det(pose))
+    return mesh.transformed(np.block([[pose, rng.uniform(-2, 2, (3, 1))], [np.zeros((1, 3)), 1.0]]))
+
+
+def test_objects_of_bop_are_told_apart_by_their_triangles_and_have_their_own_poses(folder):
+    rng = np.random.default_rng(4)
+    cone, cube = (replace(rz.load(path).meshes[0], name="part") for path in (CONE, CUBE))
+    scenes = [rz.Scene([placed(mesh, rng) for mesh in (cube, cone, cube)]) for _ in range(2)]
+    scenes.append(rz.Scene([placed(cone, rng), cone.scaled((1, 1, 2)), cone.scaled((-1, 1, 1))]))
+    tasks = [
+        rz.RenderTask(s, {"rgb": f"{k}.png", "depth": f"{k}.d.png"}, "random", options=SMALL, scale="auto")
+        for k, s in enumerate(scenes)
+    ]
+    assert [record.seed for record in draw(tasks, manifest="m.jsonl")] == [0, 1, 2]
+    with pytest.raises(rz.SceneError, match="tasks="):
+        rz.write_bop("m.jsonl", "set/train/000000")
+    with pytest.raises(rz.SceneError, match="its model has 1"):
+        rz.write_bop("m.jsonl", "set/train/000000", tasks=[rz.RenderTask(CUBE, "a.png")] * 3)
+    names = rz.write_bop("m.jsonl", "set/train/000000", unit=1, tasks=iter(tasks))
+    assert list(names.values()) == [1, 2, 3, 4], "a mirrored cone is another one"
+    before = files_below("set/models")
+    assert rz.write_bop("m.jsonl", "set/train/000001", unit=1, tasks=tasks[:3]) == names
+    assert files_below("set/models") == before, "another scene of the dataset has the same objects"
+    found = json.loads(Path("set/train/000000/scene_gt.json").read_text())
+    assert [[each["obj_id"] for each in line] for line in found.values()] == [[1, 2, 1], [1, 2, 1], [2, 3, 4]]
+    infos = json.loads(Path("set/models/models_info.json").read_text())
+    for key, (line, scene) in enumerate(zip(read_manifest("m.jsonl"), scenes, strict=True)):
+        depth, stored = line["depth_scale"], np.asarray(Image.open(line["files"]["depth"]))
+        assert 60000 < stored.max() <= 65535 and depth == float(Image.open(line["files"]["depth"]).text["scale"])
+        R, t = (np.array(line["camera"]["opencv"][name]) for name in "Rt")
+        for each, mesh in zip(found[str(key)], scene.meshes, strict=True):
+            model = rz.load(f"set/models/obj_{each['obj_id']:06d}.ply").meshes[0]
+            seen = model.vertices @ np.reshape(each["cam_R_m2c"], (3, 3)).T + each["cam_t_m2c"]
+            assert np.abs(seen - (mesh.vertices @ R.T + t)).max() < 1e-5
+            far = np.linalg.norm(model.vertices[:, None] - model.vertices, axis=2).max()
+            assert np.isclose(infos[str(each["obj_id"])]["diameter"], far)
+
+
+def test_a_task_says_the_category_of_its_model(folder):
+    pytest.importorskip("pycocotools", reason="the extra dataset is not installed")
+    given = (None, "fruit", {"ball": "toy"}, 7)
+    tasks = [rz.RenderTask(TABLE, f"{k}.png", options=SMALL, category=each) for k, each in enumerate(given)]
+    *_, wrong = draw(tasks, manifest="m.jsonl")
+    assert "category must be text" in str(wrong.error)
+    own, fruit, toy = ([each["category"] for each in line["objects"]] for line in read_manifest("m.jsonl"))
+    names = [mesh.name for mesh in rz.load(TABLE).meshes]
+    assert own == names and set(fruit) == {"fruit"}
+    assert toy == ["toy" if name == "ball" else name for name in names]
+    assert {"fruit", "toy", "ball"} <= set(rz.write_coco("m.jsonl", "coco.json"))
 
 
 def test_what_no_dataset_can_be_made_of_is_refused(folder):

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
@@ -244,6 +245,7 @@ def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
     assert (
         json.loads((folder / "set" / "train" / "000000" / "scene_camera.json").read_text())["0"]["depth_scale"] == 0.01
     )
+    assert len(json.loads((folder / "set" / "models" / "models_info.json").read_text())) == 2
     before = {path: path.read_bytes() for path in folder.glob("set/**/*.*")}
     os.unlink("set/cube-top.object.png")
     os.unlink("set/m.jsonl")
@@ -253,6 +255,18 @@ def test_a_dataset_has_a_manifest_and_what_is_made_of_it(folder, capsys):
     assert batch(CUBE, "nope.obj", GEAR, *arrays, *output, *made, "--changed") == 1
     assert "6 files drawn, 6 skipped, 6 failed" in errors(capsys)
     assert {path: path.read_bytes() for path in folder.glob("set/**/*.*")} == before
+
+
+def test_depths_have_a_scale_that_follows_the_picture(folder, capsys):
+    arrays = ["--array", "depth", "-o", "{stem}.png", "--scale", "auto"]
+    assert batch(CUBE, GEAR, *arrays, "--manifest", "m.jsonl") == 0
+    for line, path in zip(open("m.jsonl"), (CUBE, GEAR), strict=True):
+        said, image = json.loads(line), Image.open(Path(path).stem + ".png")
+        assert said["depth_scale"] == float(image.text["scale"]) and 59000 < np.asarray(image).max() <= 65535
+        content = Path(image.filename).read_bytes()
+        assert raster("render", *SIZE, path, *arrays) == 0 and Path(image.filename).read_bytes() == content
+    capsys.readouterr()
+    assert_refused(capsys, [([CUBE, *arrays[:-1], "automatic"], "a finite number is needed")], "render")
 
 
 def test_the_manifest_has_no_line_of_a_file_that_is_not_written(folder, capsys):
@@ -310,7 +324,6 @@ def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
     camera = rz.Camera.random(scene, 9999, size=(24, 16))
     assert not differences(picture("x.png"), rz.render(scene, (24, 16), camera=camera, zoom=2).rgba)
     for flags, said in (
-        ("--view random:2", "what is random needs --seed N"), ("--light random", "what is random needs --seed N"),
         ("--seed 3", "--seed needs something that is random"),
         ("--view random:0 --seed 3", "random:N makes 1 to"), ("--view random:x --seed 3", "random:20"),
         ("--view random:2 --seed -3", "a whole number of at least 0"),
@@ -334,6 +347,10 @@ def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
         random = ["--view", "random", "--light", "random", "--seed", "4"]
         assert raster("render", "-s", "24x16", model, *flags.split(), *random, "-o", "cli.png") == 0
         assert (folder / "cli.png").read_bytes() == (folder / "lib.png").read_bytes(), flags
+    capsys.readouterr()
+    assert batch(CUBE, "--view", "random:2", "-o", "{view}.png", "--manifest", "0.jsonl") == 0
+    assert "seed 0" in errors(capsys) and Path("random-0001.png").exists()
+    assert [json.loads(line)["seed"] for line in open("0.jsonl")] == [0, 1]
     assert_refused(capsys, [([CUBE, "--view", "random"], "one or several of iso")], "sheet")
     assert_refused(capsys, [([CUBE, "--light", "random"], "a light is one of")], "turntable")
 

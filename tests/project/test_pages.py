@@ -32,7 +32,15 @@ from rasterizer.cli import main
 PICTURES = ROOT / "models" / "pictures"
 GALLERY, RECIPES = "models/README.md", "rasterizer/recipes.md"
 LINES = [line for page in PAGES for line in commands(page)]
-WRITTEN = ("teapot.png", "MODEL.png", "scene.json", "cube.obj")  # what examples write or only speak of
+WRITTEN = (
+    "teapot.png",
+    "MODEL.png",
+    "scene.json",
+    "cube.obj",
+    "models_info.json",
+    "camera.json",
+    "transforms.json",
+)  # what examples write or only speak of
 PYTHON = r"^```python\n(.*?)^```"
 nightly = pytest.mark.nightly
 
