@@ -65,13 +65,13 @@ class BopModels:
         self.names: dict[str, int] = {}
         try:
             self.infos = json.loads((folder / "models_info.json").read_bytes())
+            numbers = [int(number) for number in self.infos]
         except FileNotFoundError:
             return
-        except (OSError, ValueError) as fault:
+        except (OSError, ValueError, TypeError) as fault:
             raise OutputError(f"can't read {folder / 'models_info.json'}: {fault}") from fault
-        for number in map(int, self.infos):
-            (mesh,) = read_source(str(self._file(number))).scene.meshes
-            shape = shape_of(mesh, 1.0)
+        for number in numbers:
+            shape = shape_of(read_source(str(self._file(number))).scene.meshes[0], 1.0)
             self._known.setdefault(shape.key, []).append((number, shape))
 
     def find(self, line: dict[str, Any], tasks: list[RenderTask] | None) -> list[tuple[int, Array, Array]]:

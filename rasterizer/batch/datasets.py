@@ -106,8 +106,8 @@ def write_bop(
 
     An object is what has the same triangles, moved and turned: one mesh in several tasks, or at several places of a
     scene, is one object, and two meshes of one name are two. Its own frame has its origin in the middle of its box, and
-    the axes that the world has where it is met first. R and t lead from there to the camera. Objects that the dataset
-    has from another scene keep their numbers.
+    the axes that the world has where it is met first. R and t lead from there to the camera. Objects that the
+    folder models has already keep their numbers, as those of another scene; without the folder they are numbered anew.
 
     Silhouettes are counted in a picture larger by its own size to each side, as BOP's tools do it; the width of a box
     is that from the middle of its first pixel to that of its last, as with them.

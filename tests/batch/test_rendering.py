@@ -110,7 +110,7 @@ def test_one_that_fails_does_not_stop_the_others():
         (rz.RenderTask(CUBE, {"rgb": "k.png"}, array="depth"), "not in both"),
         (rz.RenderTask(CUBE, {"rgb": "k.png"}, scale=0.01), "none is written"),
         (rz.RenderTask(CUBE, {"depth": "k.png"}, scale=1e-9), "with scale 1e-09 a PNG file holds depths"),
-        (rz.RenderTask(CUBE, "k.png", "random"), "needs a seed"),
+        (rz.RenderTask(CUBE, "k.png", "random", seed=-1), "seed must be"),
         (rz.RenderTask(CUBE, "o.png", {"distanze": 3}, seed=1), "did you mean distance"),
         (rz.RenderTask(CUBE, "p.png", lights="sun"), "lights must be"),
         (rz.RenderTask(CUBE, "no\0name.png"), "no"),
