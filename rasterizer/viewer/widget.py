@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -93,6 +94,13 @@ def view(
         camera = property(lambda self: session.camera)
         picked = property(lambda self: session.picked)
         frame = property(lambda self: session.frame)
+
+        def _repr_mimebundle_(self, **words: Any) -> Any:
+            """What is shown; where no widget can be, as in a notebook that was saved, a picture of what is seen now."""
+            bundle = super()._repr_mimebundle_(**words)
+            data, metadata = bundle if isinstance(bundle, tuple) else (bundle or {}, {})
+            picture = render(session.scene, self.size, camera=session.camera, **settings | {"outputs": "rgb"})
+            return data | {"image/png": b64encode(picture.encode()).decode("ascii")}, metadata
 
         def close(self) -> None:
             super().close()
