@@ -32,8 +32,10 @@ def test_messages_of_its_cells_are_answered_and_faults_told():
     ask({"message": message()})
     ask("nonsense")
     assert len(sent) == 2, "what isn't from the viewer's page is not answered"
-    bundle, _ = widget._repr_mimebundle_()  # noqa: SLF001 - as a cell shows it
-    shown = Image.open(io.BytesIO(base64.b64decode(bundle["image/png"])))  # where a notebook that was saved has no widget
+    bundle, _ = widget._repr_mimebundle_()
+    shown = Image.open(
+        io.BytesIO(base64.b64decode(bundle["image/png"]))
+    )  # where a notebook that was saved has no widget
     seen = rz.render(widget.scene, (80, 60), camera=widget.camera, threads=1)
     assert not differences(np.asarray(shown.convert("RGBA")), seen.rgba) and len(bundle) > 1
     widget.close()
