@@ -18,6 +18,7 @@ import re
 import threading
 import zipfile
 import zlib
+from functools import cache
 from io import BytesIO
 from urllib.parse import unquote
 from xml.parsers import expat
@@ -29,7 +30,7 @@ from ..scene.material import WHITE, Material
 from ..scene.of_gltf import lit_fields
 from ..scene.texture import Texture, read_picture
 from .files import unpack
-from .model_file import LEAST_TEXT, Contents, ModelFile, Part, bytes_of, most, name_in
+from .model_file import LEAST_TEXT, Contents, ModelFile, Part, bytes_of, most, name_in, numbers_in
 
 DEEPEST = 100  # nodes within nodes
 _TREE = 3  # times as many bytes as may be made of a file that the trees of its XML may take
@@ -74,7 +75,7 @@ def read_3dxml(model: ModelFile) -> Contents:
     stand_ins = {name: pictures.get(name) for name in members if name not in documents}
     # Of several faces in one list trimesh takes the first again with each of the others: each gets a list of its own.
     apart = {name: _FACE.sub(rb"</\1Faces><\1Faces><\1Face\2", text) for name, text in documents.items()}
-    return _contents_of(model, _read(model, "3dxml", packed(apart | stand_ins)), pictures)
+    return _contents_of(model, _read(model, "3dxml", packed(apart | stand_ins), apart.values(), pictures), pictures)
 
 
 def read_xaml(model: ModelFile) -> Contents:
@@ -89,7 +90,7 @@ def read_xaml(model: ModelFile) -> Contents:
             graph.open("model", None)
 
     graph.scan(model.data, start, None, ("GeometryModel3D",))
-    return _contents_of(model, _read(model, "xaml", model.data))
+    return _contents_of(model, _read(model, "xaml", model.data, [model.data]))
 
 
 def check_3mf(model: ModelFile, members: dict[str, bytes]) -> tuple[str, bool, bool]:
@@ -138,7 +139,8 @@ def read_by_trimesh(model: ModelFile, members: dict[str, bytes]) -> Contents:
     if name is None:
         raise model.error("there is no 3D/3dmodel.model in it")
     check_tree(model, members[name])
-    contents = _contents_of(model, _read(model, "3mf", packed({"3D/3dmodel.model": members[name]}), postprocess=False))
+    data = packed({"3D/3dmodel.model": members[name]})
+    contents = _contents_of(model, _read(model, "3mf", data, [members[name]], postprocess=False))
     return contents._replace(facts=(f"unit {unit}",), left_out=("colours and materials",) if has_looks else ())
 
 
@@ -285,8 +287,27 @@ class _Log(logging.Handler):
             self.texts.append(cut(record.getMessage()))
 
 
-def _read(model, format, data, pictures=None, **options) -> dict:
-    """Let trimesh's reader of a format read bytes; return the arguments of what trimesh would make of them."""
+_NUMBERS = re.compile(
+    rb"\b(?:x|y|z|v[123]|Positions|TriangleIndices|Normals|triangles|strips|fans)\s*=\s*[\"']([^\"']*)"
+    rb"|<(?:\w+:)?(?:Positions|Normals)\b[^<>]*>([^<]*)"
+)
+
+
+@cache
+def _is_cut() -> bool:
+    """Whether this numpy reads text up to the first word that is no number, where later ones raise an error."""
+    try:
+        return len(np.fromstring("1 x", sep=" ")) == 1
+    except (ValueError, DeprecationWarning):
+        return False
+
+
+def _read(model, format, data, texts, pictures=None, **options) -> dict:
+    """Let trimesh's reader of a format read bytes; return the arguments of what trimesh would make of them. `texts` are
+    those in it that hold numbers."""
+    for each in (found for text in texts for found in _NUMBERS.finditer(text)) if _is_cut() else ():
+        if numbers_in(b"".join(filter(None, each.groups())).replace(b",", b" ")) is None:
+            raise model.error(f"not a readable {format} file (numbers are wanted where other text stands)")
     log, logger = _Log(), logging.getLogger("trimesh")
     logger.addHandler(log)
     try:
