@@ -30,6 +30,7 @@ from .scene.scene import Scene, SceneLike
 from .viewpoint import Viewpoint
 
 if TYPE_CHECKING:
+    from .engine.plan import PlanSummary
     from .keywords import Unpack
     from .words import RenderWords, SceneWords, ViewpointWords
 
@@ -173,7 +174,7 @@ class Renderer:
         tables = SceneTables(drawn, self.options)
         with compiling_ahead(self._list_kernels):
             self._prepared = PreparedScene(tables, self.options, like)
-        self.plan = self._prepared.summary
+        self.plan: PlanSummary = self._prepared.summary
         self._is_closed = False
 
     def in_lights(self, lights: Any) -> Renderer:

@@ -67,10 +67,10 @@ def _numbers(model, text: str, first_line: int) -> tuple[NDArray[np.float64], li
     rows = [line.partition("#")[0] for line in text.split("\n")]
     numbers = numbers_in("\n".join(rows).encode("utf-8", "replace"))
     if numbers is None:
-        for number, row in enumerate(rows, first_line):
-            for word in row.split():
-                if numbers_in(word.encode("utf-8", "replace")) is None:
-                    raise model.error(f"'{cut(word, 40)}' is not a number", number)
+        is_bad = [numbers_in(row.encode("utf-8", "replace")) is None for row in rows]
+        number = is_bad.index(True)
+        words = [word for word in rows[number].split(" ") if numbers_in(word.encode("utf-8", "replace")) is None]
+        raise model.error(f"'{cut((words or rows[number : number + 1])[0], 40)}' is not a number", first_line + number)
     letters = np.frombuffer(" \n".join(["", *rows, ""]).encode("utf-8", "replace"), np.uint8)
     is_letter = letters > ord(" ")
     n_word = np.cumsum(is_letter[1:] & ~is_letter[:-1])  # up to each letter

@@ -234,7 +234,8 @@ class Material:
         what, given, n = "the material's numbers", self.numbers, len(model.numbers)
         if given is None:
             return model.numbers or None
-        values = given if isinstance(given, (tuple, list, np.ndarray)) and np.ndim(given) == 1 else (given,)
+        is_row = isinstance(given, (tuple, list)) or (isinstance(given, np.ndarray) and given.ndim == 1)
+        values: Any = given if is_row else (given,)
         if n and len(values) != n:
             raise SceneError(f"{what} must be {n}, which {self.reflection!r} reads; given {shown(given)}")
         return tuple(number(each, what) for each in values)

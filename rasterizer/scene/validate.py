@@ -65,7 +65,8 @@ def number(
 def is_whole(value: object, low: float = -math.inf, high: float = math.inf) -> bool:
     """Tell whether a value is an integer within low..high: Python's or numpy's, no float and no boolean."""
     try:
-        return not isinstance(value, bool) and low <= operator.index(value) <= high  # type: ignore[arg-type]
+        is_truth = type(value).__name__ in ("bool", "bool_")  # numpy's is an index to its older versions
+        return not is_truth and low <= operator.index(value) <= high  # type: ignore[arg-type]
     except TypeError:
         return False
 

@@ -133,7 +133,7 @@ def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, 
     while not list(folder.glob("out/*.png")) and time.monotonic() < deadline:
         time.sleep(0.02)
     below = workers_of(process.pid)
-    assert len(below) == 2
+    assert len(below) >= 2  # and what cleans up after them
     if number == signal.SIGTERM:
         process.terminate()
         process.communicate(timeout=20)
