@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from .engine.plan import PlanSummary
+    from .scene.camera import Camera
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class Frame:
         self._arrays = arrays
         self.stats: Stats = stats
         self.size: tuple[int, int] = size
-        self.camera = None if source is None else source.camera
+        self.camera: Camera | None = None if source is None else source.camera
         self._source = source  # what `pick` asks for what the frame doesn't hold
 
     def __getstate__(self) -> dict[str, Any]:
