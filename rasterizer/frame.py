@@ -17,6 +17,7 @@ from .io.formats import encoded, on_white, picture_format
 from .io.png import encode_png
 from .keywords import checked_keywords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
+from .scene.validate import number
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -293,6 +294,8 @@ class Frame:
         """
         from .figures import with_colorbar
 
+        if not (label is None or isinstance(label, str)):
+            raise SceneError(f"label must be text or None; given {shown(label)}")
         rgba = with_colorbar(self.rgba, None if self._source is None else self._source.scene, label)
         return Frame(rgba, {}, self.stats, (rgba.shape[1], rgba.shape[0]))
 
@@ -421,8 +424,8 @@ class Frame:
 
             profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
             options = {"icc_profile": profile[:24] + bytes(12) + profile[36:]}  # without the time at which it was made
-        if isinstance(options.get("dpi"), (int, float)):
-            options["dpi"] = (options["dpi"],) * 2
+        if "dpi" in options and not isinstance(options["dpi"], (tuple, list)):
+            options["dpi"] = (number(options["dpi"], "dpi", above=0),) * 2
         image = self.to_pil()
         try:
             return encoded(image, name, options)

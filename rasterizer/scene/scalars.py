@@ -79,12 +79,12 @@ class ScalarWords:
             if not is_pair or len(given) != 2:
                 raise SceneError(f"clim must be two numbers, the least value and the largest; given {shown(self.clim)}")
             low, high = number(given[0], "clim"), number(given[1], "clim")
-            if not low < high:
+            if not (low < high and np.isfinite(high - low)):
                 raise SceneError(f"clim must rise from the first number to the second; given {shown(self.clim)}")
             store(self, clim=(low, high))
         if self.scalars is not None and not isinstance(self.scalars, str):
-            values = real_array(self.scalars, _numbers)
-            if values is None or values.ndim != 1:
+            values = _column(self.scalars)
+            if values is None:
                 legal = "a name, or one number for each vertex or face, (n,)"
                 raise SceneError(f"scalars must be {legal}; given {_described(self.scalars)}")
             store(self, scalars=values.astype(np.float64))
@@ -132,6 +132,8 @@ class ScalarWords:
             min(float(values.min()) for values in finite if len(values)),
             max(float(values.max()) for values in finite if len(values)),
         )
+        if not np.isfinite(high - low):
+            raise ModelError(f"scalars from {low:g} to {high:g} have no range that float64 holds: give clim")
         if low == high:  # one value is in the middle of a range as wide as itself
             low, high = low - (abs(low) / 2 or 0.5), high + (abs(high) / 2 or 0.5)
         name = self.scalars if isinstance(self.scalars, str) else ""
@@ -150,8 +152,8 @@ def colors_of(cmap: Colormap) -> NDArray[np.uint8]:
 
     Parameters
     ----------
-    cmap : name of one, as the package `cmap` knows them ("viridis" needs no package); or its colours (n, 3 or 4), uint8
-        or floats of sRGB within 0..1, which share the range evenly
+    cmap : name of one, as the package `cmap` knows them ("viridis" needs no package); or its colours (n, 3 or 4), whole
+        numbers of sRGB within 0..255 or floats within 0..1, which share the range evenly
 
     Raises
     ------
@@ -166,8 +168,8 @@ def colors_of(cmap: Colormap) -> NDArray[np.uint8]:
     if array is None or array.ndim != 2 or array.shape[1] not in (3, 4) or not 1 <= len(array) <= MAX_COLORS:
         legal = f"a name, or colours (n, 3) with n up to {MAX_COLORS}"
         raise SceneError(f"cmap must be {legal}; given {_described(cmap)}")
-    if array.dtype == np.uint8:
-        return array[:, :3].copy()
+    if array.dtype == np.uint8 or (array.dtype.kind in "iu" and array.min() >= 0 and 1 < array.max() <= 255):
+        return array[:, :3].astype(np.uint8)
     if not (array.min() >= 0 and array.max() <= 1):  # nan neither
         raise SceneError(f"cmap: its floats must be within 0..1; given {array.min():g} to {array.max():g}")
     return np.rint(array[:, :3] * 255.0).astype(np.uint8)
@@ -193,6 +195,14 @@ def _numbers(values: Any) -> NDArray:
     """Return values as an array; truth values as 0 and 1."""
     array = plain_array(values)
     return array.astype(np.uint8) if array.dtype == bool else array
+
+
+def _column(values: Any) -> NDArray | None:
+    """Return values as (n,) where they are one number each, else None."""
+    array = real_array(values, _numbers)
+    if array is not None and array.ndim == 2 and array.shape[1] == 1:
+        array = array[:, 0]
+    return None if array is None or array.ndim != 1 else array
 
 
 def _described(values: Any) -> str:
@@ -231,10 +241,8 @@ def _values_of(part: dict[str, Any], fields: Fields, name: str | None) -> NDArra
         if given is None:
             continue
         given = given() if callable(given) else given
-        values = real_array(given, _numbers)
-        if values is not None and values.ndim == 2 and values.shape[1] == 1:
-            values = values[:, 0]
-        if values is None or values.ndim != 1:
+        values = _column(given)
+        if values is None:
             has = f"it has the shape {np.shape(given)}"
             raise ModelError(f"scalars {shown(name)} must be one number for each vertex or face; {has}")
         for kind in kinds:

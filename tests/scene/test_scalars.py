@@ -41,7 +41,7 @@ def worst(found, expected):
 
 
 @pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
-@pytest.mark.parametrize("cmap", ["viridis", RED_TO_BLUE, RED_TO_BLUE / 255.0])
+@pytest.mark.parametrize("cmap", ["viridis", RED_TO_BLUE.tolist(), RED_TO_BLUE / 255.0])
 def test_a_face_has_the_colour_of_its_value(shading, cmap):
     values = np.random.default_rng(0).uniform(-3.0, 5.0, len(QUADS))
     mesh = rz.Mesh(GRID, QUADS)
@@ -52,6 +52,8 @@ def test_a_face_has_the_colour_of_its_value(shading, cmap):
         of_pixels = values[mesh.polygons[frame.face[is_there]]]
         low, high = clim or (values.min(), values.max())
         assert worst(frame.rgb[is_there], colored(of_pixels, low, high, colors)) <= 1
+    column = draw(mesh, shading=shading, scalars=values[:, None].tolist(), cmap=cmap, clim=clim)
+    assert column.rgba.tobytes() == frame.rgba.tobytes()
     by_triangle = draw(mesh, shading=shading, scalars=values[mesh.polygons], cmap=cmap, clim=clim)
     assert by_triangle.rgba.tobytes() == frame.rgba.tobytes()
 
@@ -204,6 +206,8 @@ def test_what_is_no_scalar_field_is_refused():
         ({"scalars": np.full(len(GRID), np.nan)}, "finite"),
         ({"scalars": FIELD, "clim": (2, 2)}, "clim"),
         ({"scalars": FIELD, "clim": 3}, "clim"),
+        ({"scalars": FIELD, "clim": (-1e308, 1e308)}, "clim"),
+        ({"scalars": np.where(np.arange(len(GRID)) % 2, 1e308, -1e308)}, "give clim"),
         ({"scalars": FIELD, "clim": (0, np.nan)}, "clim"),
         ({"scalars": FIELD, "cmap": "no such map"}, "cmap"),
         ({"scalars": FIELD, "cmap": np.zeros((0, 3))}, "cmap"),
@@ -262,5 +266,9 @@ def test_every_buffer_is_a_picture_and_dots_an_inch_are_one_number(tmp_path):
     assert depth[order[0]] > depth[order[-1]] and (np.diff(depth[order]) <= 0).all()
     frame.save(tmp_path / "a.png", dpi=300)
     assert round(Image.open(tmp_path / "a.png").info["dpi"][0]) == 300
+    cases = [({"dpi": "many"}, "dpi"), ({"dpi": 0}, "dpi"), ({"array": "deep"}, "array")]
+    assert_refused(lambda words: frame.save(tmp_path / "b.png", **words), cases, rz.SceneError)
     with pytest.raises(rz.SceneError, match="array"):
         frame.to_pil("deep")
+    with pytest.raises(rz.SceneError, match="label"):
+        draw(rz.Mesh(GRID, QUADS), scalars=FIELD).with_colorbar(5)
