@@ -17,7 +17,6 @@ from .io.formats import encoded, on_white, picture_format
 from .io.png import encode_png
 from .keywords import checked_keywords
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
-from .scene.validate import number
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -425,7 +424,10 @@ class Frame:
             profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
             options = {"icc_profile": profile[:24] + bytes(12) + profile[36:]}  # without the time at which it was made
         if "dpi" in options and not isinstance(options["dpi"], (tuple, list)):
-            options["dpi"] = (number(options["dpi"], "dpi", above=0),) * 2
+            dots = options["dpi"]
+            if not (isinstance(dots, (int, float)) and 0 < dots < float("inf")):
+                raise SceneError(f"dpi must be a number above 0, or a pair; given {shown(dots)}")
+            options["dpi"] = (dots, dots)
         image = self.to_pil()
         try:
             return encoded(image, name, options)
