@@ -425,8 +425,8 @@ class Frame:
             options = {"icc_profile": profile[:24] + bytes(12) + profile[36:]}  # without the time at which it was made
         if "dpi" in options and not isinstance(options["dpi"], (tuple, list)):
             dots = options["dpi"]
-            if not (isinstance(dots, (int, float)) and 0 < dots < float("inf")):
-                raise SceneError(f"dpi must be a number above 0, or a pair; given {shown(dots)}")
+            if isinstance(dots, bool) or not (isinstance(dots, (int, float)) and 0 < dots < 1e5):
+                raise SceneError(f"dpi must be a number above 0 and below 100000, or a pair; given {shown(dots)}")
             options["dpi"] = (dots, dots)
         image = self.to_pil()
         try:

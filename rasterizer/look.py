@@ -83,6 +83,8 @@ class Look:
         checked_crease_angle(self.crease_angle)
         subdivide = whole(self.subdivide, "subdivide", 0, MAX_SUBDIVISIONS)
         store(self, subdivide=subdivide, material=self._material_fields())
+        if self.scalars is not None and self.color is not None:
+            raise SceneError("scalars are shown by the colours of cmap: give one of scalars and color")
         words = self.scalars, self.cmap, self.clim
         if any(word is not None for word in words):
             store(self, **vars(ScalarWords(*words)))

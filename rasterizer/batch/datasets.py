@@ -119,7 +119,8 @@ def write_bop(
     ModelError : a model that can't be read any more
     OutputError : a file can't be read or written
     """
-    if checked_number(unit, "unit") <= 0:
+    unit = checked_number(unit, "unit")
+    if unit <= 0:
         raise SceneError(f"unit must be above 0, the millimetres of a scene unit; given {shown(unit)}")
     lines, folder = read_manifest(manifest), Path(checked_path(folder, "folder"))
     root = folder.parent.parent if folder.name.isdigit() else folder

@@ -99,8 +99,8 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
         f"chooses the format{several}")
     add_size(group, size)
     if has_arrays:
-        group.add_argument("--format", dest="default_suffix", metavar="NAME",
-            help="format of pictures in a folder, or without -o: png (default), jpg, webp ...")
+        group.add_argument("--format", metavar="NAME",
+            help="format of files in a folder, or without -o: png (default), jpg, webp ..., or that of arrays")
         group.add_argument("--colorbar", action="store_true", help="draw a colour bar beside pictures of --scalars")
     group.add_argument("--skip-existing", action="store_true", help="leave out outputs that are there already")
     add_json(group, "print a line of JSON for each picture on stdout (on stderr with -o -)")

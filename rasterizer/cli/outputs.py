@@ -162,13 +162,9 @@ def _template(output, name, arrays, request) -> str:
     if output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output)):
         return output
     view = "-{view}" if len(request.views) > 1 else ""
-    suffix = (
-        f".{request.files.default_suffix.lower().lstrip('.')}"
-        if arrays is None
-        else ".npy"
-        if len(arrays) == 1
-        else ".npz"
-    )
+    suffix = request.files.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
+    if request.files.format is not None:
+        suffix = f".{request.files.format.lower().lstrip('.')}"
     return os.path.join("" if output is None else _escaped(output), name + view + suffix)
 
 
@@ -273,7 +269,8 @@ def is_picture_of(suffix, arrays) -> bool:
 
 def check_scale(files) -> None:
     """Refuse a scale for anything but the depth in a PNG file, or one that is not above 0."""
-    if not any(suffix_of(output) == "png" and "depth" in (names or ()) for output, names in files.asked):
+    suffixes = [(suffix_of(output) or str(files.format).lower().lstrip("."), names) for output, names in files.asked]
+    if not any(suffix == "png" and "depth" in (names or ()) for suffix, names in suffixes):
         raise SceneError("--scale is that of depth in a PNG file: it needs --array depth and -o NAME.png")
     if files.scale != "auto" and not files.scale > 0:
         raise SceneError(f"--scale must be a number above 0; given {files.scale:g}")
@@ -307,6 +304,8 @@ def encode_target(frame, target, outputs, files) -> bytes:
     names = target.arrays or (outputs if suffix in ARRAY_SUFFIXES else None)
     if names is None or is_picture_of(suffix, names):
         return encode_picture(frame.with_colorbar() if files.colorbar else frame, target.output)
+    if files.colorbar and names == ("rgb",):
+        frame = frame.with_colorbar()
     if target.output == STDIO:
         suffix = "npy" if len(names) == 1 else "npz"
     if suffix == "exr" and "color" in names:

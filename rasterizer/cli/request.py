@@ -30,7 +30,16 @@ from .values import make_light
 _VIEWPOINT = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
 _LOOK = ("preset", "background", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
          "allow_outside", "scalars", "cmap", "clim")  # fmt: skip
-_FILES = ("default_name", "default_suffix", "always_writes", "scale", "skip_existing", "colorbar", "may_be_empty")
+_FILES = (
+    "default_name",
+    "default_suffix",
+    "always_writes",
+    "scale",
+    "skip_existing",
+    "colorbar",
+    "may_be_empty",
+    "format",
+)
 
 
 class Files(NamedTuple):
@@ -45,6 +54,7 @@ class Files(NamedTuple):
     scale: float | str | None = None  # of depth in PNG files
     skip_existing: bool = False
     colorbar: bool = False  # whether pictures have one
+    format: str | None = None  # of files whose names aren't asked for; None = the default suffix, or that of arrays
     may_be_empty: bool = False  # whether a folder without models is no fault
 
     @property
@@ -129,6 +139,9 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     can_be_random, is_compared = "seed" in left, "shading" not in left
     asked = _asked_files(take("files", ()), take("output", None), take("outputs", None))
     files = Files(asked, **{name: left.pop(name) for name in _FILES if name in left})
+    is_shown = any(suffix_of(name) not in ARRAY_SUFFIXES and "rgb" in (arrays or ("rgb",)) for name, arrays in asked)
+    if files.colorbar and not is_shown:
+        raise SceneError("--colorbar is drawn beside a picture: give -o a picture, or --array rgb")
     size, names = take("default_size", None), {field.name for field in fields(Options)} & {*left, "outputs"}
     given = {name: left.pop(name) for name in names if name in left}
     given = {name: value for name, value in given.items() if value is not None}

@@ -123,6 +123,8 @@ def write_colmap(
     lenses: dict[Any, int] = {}
     images = []
     for k, (name, camera) in enumerate(_checked(cameras).items()):
+        if not name.strip() or name != name.strip() or len(name.splitlines()) != 1:
+            raise SceneError(f"COLMAP's names are one line each without blanks around; given {shown(name)}")
         lens = _lens(camera, size)
         number = lenses.setdefault(lens, len(lenses) + 1)
         _, R, t = camera.to_opencv(lens[4:])

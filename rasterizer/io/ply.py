@@ -139,7 +139,7 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
     cut = cut_faces(model, points, corners, counts, place)
     faces = cut.of_corners(corners)
     part = {"vertices": points, "faces": faces, "name": "", "material": Material()}
-    part["fields"] = Fields(vertex, {name: each for name, each in face.items() if isinstance(each, np.ndarray)})
+    part["fields"] = Fields(_numbers_of(vertex), _numbers_of(face))
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
     part |= _vertex_attributes(model, vertex, elements["vertex"])
@@ -151,6 +151,11 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
     else:
         part |= _face_attributes(model, face, elements["face"], cut, counts)
     return [part]
+
+
+def _numbers_of(table) -> dict[str, np.ndarray]:
+    """Return the columns of a table that are no lists."""
+    return {name: column for name, column in table.items() if isinstance(column, np.ndarray)}
 
 
 def _strips(model, table, n_point) -> np.ndarray:

@@ -115,7 +115,11 @@ class ScalarWords:
         values = [each for each in found if each is not None]
         if not values and self.scalars is not None:
             names = dict.fromkeys(name for each in fields for name in (*each.of_points, *each.of_faces))
-            has = f"it has {cut(', '.join(names), 200)}" if names else "it has none by a name"
+            has = (
+                f"it has {cut(', '.join(names), 200)}"
+                if names
+                else "it has none by a name; those of a file are taken where it is read"
+            )
             raise ModelError(f"there are no scalars {shown(self.scalars)}: {has}")
         material = replace(WHITE, texture=self._scale(values, fields)) if values else None
         for part, each in zip(parts, found, strict=True):
@@ -136,6 +140,10 @@ class ScalarWords:
             raise ModelError(f"scalars from {low:g} to {high:g} have no range that float64 holds: give clim")
         if low == high:  # one value is in the middle of a range as wide as itself
             low, high = low - (abs(low) / 2 or 0.5), high + (abs(high) / 2 or 0.5)
+        with np.errstate(over="ignore"):
+            ends = [(np.array([each.min(), each.max()]) - low) / (high - low) for each in finite if len(each)]
+        if not np.isfinite(np.array(ends)).all():
+            raise ModelError(f"clim from {low:g} to {high:g} is too narrow for these scalars")
         name = self.scalars if isinstance(self.scalars, str) else ""
         if self.scalars is None:
             name = next(each.active for each in fields if each.active) or ""

@@ -141,7 +141,21 @@ def test_arrays_names_files_and_the_shell_show_one_picture(tmp_path, monkeypatch
     assert main(["render", "grid.ply", "-o", "bar.png", *flags, "heat", "--colorbar"]) == 0
     assert Image.open("bar.png").width > SIZE[0]
     capsys.readouterr()
-    for wrong in (["--scalars", "cold"], ["--scalars", "no.npy"], ["--scalars", "heat", "--clim", "3"], ["--colorbar"]):
+    rgb = ["--array", "rgb", "-o", "rgb.png"]
+    assert main(["render", "grid.ply", *flags, "heat", "--colorbar", *rgb]) == 0
+    assert Image.open("rgb.png").size == Image.open("bar.png").size
+    assert main(["render", "grid.ply", *flags, "heat", "--colorbar", "--array", "depth"]) == 2
+    assert main(["render", "grid.ply", "--array", "depth", "--format", "png", "--scale", "0.1", "-s", "8"]) == 0
+    assert main(["render", "grid.ply", "--array", "depth", "--array", "uv", "--format", "npz", "-s", "8"]) == 0
+    assert Image.open("grid.png").mode.startswith("I") and len(np.load("grid.npz").files) == 2
+    capsys.readouterr()
+    for wrong in (
+        ["--scalars", "vertex_indices"],
+        ["--scalars", "cold"],
+        ["--scalars", "no.npy"],
+        ["--scalars", "heat", "--clim", "3"],
+        ["--colorbar"],
+    ):
         assert main(["render", "grid.ply", "-o", "x.png", *wrong]) in (2, 3), wrong
         assert "Traceback" not in capsys.readouterr().err
 
@@ -212,6 +226,8 @@ def test_what_is_no_scalar_field_is_refused():
         ({"scalars": FIELD, "cmap": "no such map"}, "cmap"),
         ({"scalars": FIELD, "cmap": np.zeros((0, 3))}, "cmap"),
         ({"scalars": FIELD, "cmap": np.full((4, 3), 200.0)}, "0..1"),
+        ({"scalars": FIELD, "clim": (0.0, 1e-320)}, "narrow"),
+        ({"scalars": FIELD, "color": "red"}, "one of scalars and color"),
         ({"scalar": FIELD}, "did you mean scalars"),
     ]
     assert_refused(lambda words: rz.render(mesh, SIZE, **words), cases, rz.RasterizerError)
