@@ -45,7 +45,7 @@ from ..cores import Workers, n_core
 from ..vectors import cross, dot
 
 # Comparisons of boxes, and tests of edges, which count more, that cutting ears may take in one call. A spiral of some
-# 30 000 corners takes as many; some seconds.
+# 20 000 corners takes as many; some seconds.
 MAX_STEPS = 1 << 29
 CHUNK = 1 << 13  # corners looked at in one go: their arrays stay in the cache
 CROSSING = "crosses itself: no triangles between its corners fill it, so more or less than its area may be drawn"

@@ -240,7 +240,7 @@ def test_polygons_that_are_not_finite_or_points_disturb_nobody():
 
 
 N_STAR = 60000  # corners
-LONG = f"is concave and has {N_STAR} corners: to cut it into triangles takes more than 1073741824 steps; divide"
+LONG = f"is concave and has {N_STAR} corners: to cut it into triangles takes more than 536870912 steps; divide"
 
 
 def test_concave_polygons_that_would_take_too_long_are_refused():
