@@ -88,7 +88,7 @@ class CustomLight:
 
     def __reduce__(self) -> Any:
         """A copy in another process knows its type of light there."""
-        return _restored, (light_type_of(self), type(self), self.__dict__)
+        return _restored, (light_type_of(self), type(self)), self.__dict__
 
     share: ClassVar[Callable[..., Any] | None] = None
     arrival: ClassVar[Callable[..., Any] | None] = None
@@ -225,13 +225,11 @@ def add_light(word: str, cls: type[CustomLight], *, examples: Sequence[Any] = ()
     return _enter(word, _tables_of_light(cls), "a light", lambda: agreement.compare_light(word, compared))
 
 
-def _restored(word: str, cls: type[CustomLight], fields: dict[str, Any]) -> Any:
-    """Return a light as it was in another process, where its type may be unknown."""
+def _restored(word: str, cls: type[CustomLight]) -> Any:
+    """Return what becomes a light of another process, whose type may be unknown here."""
     if word not in LIGHT_TYPES:
         _enter(word, _tables_of_light(cls), "a light", lambda: None)
-    made = object.__new__(cls)
-    made.__dict__.update(fields)
-    return made
+    return object.__new__(cls)
 
 
 def add_reflection(word: str, cls: type[CustomReflection]) -> Registration:

@@ -30,10 +30,9 @@ from .model_file import (
     make_opaque,
     mend_unused,
     name_in,
-    numbers_in,
     within_1,
 )
-from .other_formats import Graph, Pictures, beside, check_tree, member_of, unpacked
+from .other_formats import Graph, Pictures, beside, check_numbers, check_tree, member_of, unpacked
 
 _SLOW = 6  # times as long as another mesh takes to be made: a primitive, or where it is shown
 _VCOUNT = re.compile(rb"<(?:\w+:)?vcount\b[^<>]*>([^<]*)")
@@ -123,10 +122,8 @@ def _document(model, text):
 
         def _loadAssetInfo(self):
             super()._loadAssetInfo()
-            for element in self.xmlnode.iter():
-                if str(element.tag).rpartition("}")[2] in _NUMBERS and not _holds_numbers(element.text or ""):
-                    what = "numbers are wanted where other text stands"
-                    raise model.error(f"not a readable dae file: {what}: '{cut(element.text, 40)}'")
+            holders = (each for each in self.xmlnode.iter() if str(each.tag).rpartition("}")[2] in _NUMBERS)
+            check_numbers(model, "dae", ((each.text or "").encode() for each in holders))
             ids = {element.get("id") for element in self.xmlnode.iter()}
             for above in [*self.xmlnode.iter()]:
                 for element in [*above]:
@@ -172,10 +169,6 @@ def _document(model, text):
 
 # Elements whose text numpy reads up to the first word that is no number.
 _NUMBERS = {"float_array", "p", "v", "vcount", "matrix", "translate", "rotate", "scale", "lookat", "skew"}
-
-
-def _holds_numbers(text: str) -> bool:
-    return text.isascii() and numbers_in(text.encode()) is not None
 
 
 class _Reader:

@@ -18,6 +18,7 @@ import re
 import threading
 import zipfile
 import zlib
+from collections.abc import Iterable
 from functools import cache
 from io import BytesIO
 from urllib.parse import unquote
@@ -293,6 +294,14 @@ _NUMBERS = re.compile(
 )
 
 
+def check_numbers(model, format: str, texts: Iterable[bytes]) -> None:
+    """Raise ModelError for the first text that holds anything but numbers and blanks."""
+    for text in texts:
+        if numbers_in(text) is None:
+            what = f"numbers are wanted where other text stands: '{cut(text.decode('utf-8', 'replace'), 40)}'"
+            raise model.error(f"not a readable {format} file: {what}")
+
+
 @cache
 def _is_cut() -> bool:
     """Whether this numpy reads text up to the first word that is no number, where later ones raise an error."""
@@ -305,9 +314,8 @@ def _is_cut() -> bool:
 def _read(model, format, data, texts, pictures=None, **options) -> dict:
     """Let trimesh's reader of a format read bytes; return the arguments of what trimesh would make of them. `texts` are
     those in it that hold numbers."""
-    for each in (found for text in texts for found in _NUMBERS.finditer(text)) if _is_cut() else ():
-        if numbers_in(b"".join(filter(None, each.groups())).replace(b",", b" ")) is None:
-            raise model.error(f"not a readable {format} file (numbers are wanted where other text stands)")
+    found_texts = (found for text in texts for found in _NUMBERS.finditer(text)) if _is_cut() else ()
+    check_numbers(model, format, (b"".join(filter(None, each.groups())).replace(b",", b" ") for each in found_texts))
     log, logger = _Log(), logging.getLogger("trimesh")
     logger.addHandler(log)
     try:

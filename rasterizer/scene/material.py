@@ -242,7 +242,7 @@ class Material:
 
     def __reduce__(self) -> Any:
         """A copy in another process knows its reflection model there."""
-        return _restored, (type(self), self.__dict__, REFLECTION_MODELS[self.reflection].enter)
+        return _restored, (type(self), self.reflection, REFLECTION_MODELS[self.reflection].enter), self.__dict__
 
     @property
     def is_anisotropic(self) -> bool:
@@ -325,13 +325,11 @@ class Material:
         return self.alpha_cutoff is not None
 
 
-def _restored(cls: type, fields: dict[str, Any], enter: Any) -> "Material":
-    """Return a material as it was in another process, where its reflection model may be unknown."""
-    if enter is not None and fields["reflection"] not in REFLECTION_MODELS:
+def _restored(cls: type, reflection: str, enter: Any) -> Any:
+    """Return what becomes a material of another process, whose reflection model may be unknown here."""
+    if enter is not None and reflection not in REFLECTION_MODELS:
         enter()
-    made: Any = object.__new__(cls)
-    made.__dict__.update(fields)
-    return made
+    return object.__new__(cls)
 
 
 def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:
