@@ -24,6 +24,7 @@ from ..keywords import checked_keywords
 from ..scene.camera import Camera
 from ..scene.framing import rotation
 from .files import checked_path, make_folder_of, write_whole
+from .model_file import numbers_in
 
 UNDISTORT = (
     "lenses have no distortion here: undistort the pictures, by cv2.undistort(picture, K, distortion) or `colmap "
@@ -34,6 +35,10 @@ _PLACES = {  # of fx, fy, cx, cy among the parameters of COLMAP's models; what i
     **dict.fromkeys(("PINHOLE", "OPENCV", "FULL_OPENCV"), (0, 1, 2, 3)),
 }
 _LENS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
+# What files make Python raise that hold something else: numbers of 400 digits, lists within lists, a focal length of 0.
+_FAULTS = (
+    OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, SceneError,
+)  # fmt: skip
 _DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 
 
@@ -85,7 +90,7 @@ def read_nerf(path: str | os.PathLike[str], size: Sequence[int] | None = None) -
     try:
         content = json.loads(Path(path).read_bytes())
         return {each["file_path"]: _of_nerf(content | each, size) for each in content["frames"]}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, SceneError) as fault:
+    except _FAULTS as fault:
         raise _unreadable(path, "transforms.json", fault) from fault
 
 
@@ -96,6 +101,8 @@ def _of_nerf(said: dict[str, Any], size: Sequence[int] | None) -> Camera:
     width, height = (said["w"], said["h"]) if "w" in said else size or (None, None)
     if width is None:
         raise ValueError("it doesn't say w and h: give size=(width, height), that of the pictures")
+    if not (width > 0 and height > 0 and width % 1 == 0 and height % 1 == 0):
+        raise ValueError(f"w and h must be whole numbers above 0; given {shown(width)} and {shown(height)}")
     fx = said.get("fl_x") or 0.5 * width / math.tan(0.5 * said["camera_angle_x"])
     fy, cx, cy = said.get("fl_y", fx), said.get("cx", 0.5 * width), said.get("cy", 0.5 * height)
     return Camera.from_pose(said["transform_matrix"], K=_matrix(fx, fy, cx, cy), size=(int(width), int(height)))
@@ -150,21 +157,26 @@ def read_colmap(folder: str | os.PathLike[str]) -> dict[str, Camera]:
     try:
         lenses = {}
         for row in _rows(place / "cameras.txt"):
-            number, model, width, height, *values = row.split()
-            if model not in _PLACES or any(float(value) for value in values[max(_PLACES[model]) + 1 :]):
+            number, model, *words = row.split()
+            width, height, *values = _numbers(words)
+            if model not in _PLACES or any(values[max(_PLACES[model]) + 1 :]):
                 raise ValueError(f"camera {number} is {model}: {UNDISTORT}")
-            K = _matrix(*(float(values[place]) for place in _PLACES[model]))
+            if width % 1 or height % 1:
+                raise ValueError(f"camera {number} has a size of {width:g} x {height:g}")
+            K = _matrix(*(values[place] for place in _PLACES[model]))
             lenses[number] = K, (int(width), int(height))
         found = {}
         for row in _rows(place / "images.txt")[::2]:
             _, *pose, number, name = row.split(maxsplit=9)
-            w, x, y, z, *t = map(float, pose)
+            w, x, y, z, *t = _numbers(pose)
             length = math.hypot(x, y, z)
+            if not 0.0 < math.hypot(length, w) < math.inf:
+                raise ValueError(f"the rotation of '{cut(name.strip(), 80)}' is no quaternion: {w:g} {x:g} {y:g} {z:g}")
             R = rotation(np.array([x, y, z]) / (length or 1.0), math.degrees(2.0 * math.atan2(length, w)))
             K, size = lenses[number]
             found[name.strip()] = Camera.from_opencv(K, R, t, size)
         return found
-    except (OSError, ValueError, KeyError, IndexError, SceneError) as fault:
+    except _FAULTS as fault:
         raise _unreadable(folder, "cameras.txt and images.txt", fault) from fault
 
 
@@ -211,6 +223,14 @@ def _checked(cameras: Any) -> Mapping[str, Camera]:
 def _rows(path: Path) -> list[str]:
     """Return the lines of a file but comments."""
     return [row for row in path.read_text(encoding="utf-8").splitlines() if not row.startswith("#")]
+
+
+def _numbers(words: list[str]) -> list[float]:
+    """Return the numbers that words stand for."""
+    found = numbers_in(" ".join(words).encode(errors="replace"))
+    if found is None or not np.isfinite(found).all():
+        raise ValueError(f"'{cut(' '.join(words), 80)}' are not all numbers")
+    return found.tolist()
 
 
 def _words(numbers: Any) -> str:

@@ -95,7 +95,19 @@ def test_nerfs_file_is_what_its_formulas_say_and_comes_back():
         Path("plain.json").write_text(json.dumps(plain | change))
         with pytest.raises(rz.ModelError, match=f"^plain.json: can't be read as transforms.json: .*{words}"):
             rz.read_nerf("plain.json")
-    for text in ("[]", "{}", "nonsense", '{"frames": [{}]}', '{"frames": [{"file_path": "a", "w": 2, "h": 2}]}'):
+    faults = [plain | {"w": 64, "h": 48} | change for change in (
+        {"camera_angle_x": 0}, {"camera_angle_x": 10**400}, {"fl_x": 1e400}, {"w": 64.5}, {"w": 0}, {"h": "48"},
+        {"w": float("inf")}, {"cx": [1]},
+    )]  # fmt: skip
+    texts = [
+        "[]",
+        "{}",
+        "nonsense",
+        '{"frames": [{}]}',
+        '{"frames": [{"file_path": "a", "w": 2, "h": 2}]}',
+        "[" * 10**5,
+    ]
+    for text in (*texts, *map(json.dumps, faults)):
         Path("no.json").write_text(text)
         with pytest.raises(rz.ModelError, match="can't be read as transforms.json"):
             rz.read_nerf("no.json")
@@ -135,8 +147,14 @@ def test_colmaps_files_are_what_their_formulas_say_and_come_back():
         Path("sparse/0/cameras.txt").write_text(f"1 {model}\n")
         with pytest.raises(rz.ModelError, match=r"undistort the pictures, by cv2\.undistort"):
             rz.read_colmap("sparse/0")
-    for text in ("1 PINHOLE 64\n", "1 PINHOLE 64 48 1 1 1 1\n"):
-        Path("sparse/0/cameras.txt").write_text(text)
+    lens, pose = "1 PINHOLE 64 48 90 90 32 24", "1 1 0 0 0 0 0 5 1 a.png\n\n"
+    for lens_text, pose_text in (
+        ("1 PINHOLE 64", pose), ("2 PINHOLE 64 48 1 1 1 1", pose), ("1 PINHOLE 64.5 48 90 90 32 24", pose),
+        ("1 PINHOLE 64 48 9_0 90 32 24", pose), ("1 PINHOLE 64 48 nan 90 32 24", pose), (lens, "1 0 0 0 0 0 0 5 1 a\n"),
+        (lens, "1 1 inf 0 0 0 0 5 1 a\n"), (lens, "1 1e308 1e308 1e308 1e308 0 0 5 1 a\n"), (lens, "1 1 0 0 0 0 0 5\n"),
+    ):  # fmt: skip
+        Path("sparse/0/cameras.txt").write_text(lens_text)
+        Path("sparse/0/images.txt").write_text(pose_text)
         with pytest.raises(rz.ModelError, match="can't be read as cameras.txt"):
             rz.read_colmap("sparse/0")
 
