@@ -14,6 +14,7 @@ import numpy as np
 
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
 from ..errors import ModelError, SceneError, cut, named_in_errors
+from ..io.array_files import read_npy
 from ..io.loader import SceneFile
 from ..look import Look
 from ..options import Options
@@ -22,6 +23,7 @@ from ..scene.color import linear_rgb
 from ..scene.lights import Shadow
 from ..scene.material import REFLECTION_MODELS
 from ..scene.plugins import find_plugin
+from ..scene.scalars import ScalarWords
 from ..scene.scene import DepthCue, Scene
 from ..viewpoint import Viewpoint, check_words, words_given, zoomed
 from .flags import EVERY, UNSAID
@@ -237,11 +239,13 @@ def _files_named(materials: list[dict[str, Any]], camera: str | None, scalars: s
 
 
 def _read_array(path: str) -> Any:
-    """Read a .npy file."""
+    """Read the scalars of a .npy file."""
     try:
-        return np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as fault:
+        array = read_npy(path)
+        ScalarWords(scalars=array)  # which checks it
+    except (OSError, ValueError, SceneError) as fault:
         raise ModelError(f"{path}: can't be read as .npy ({getattr(fault, 'strerror', None) or cut(fault)})") from fault
+    return array
 
 
 # --- how it looks, and where from -------------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Sequence
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +106,26 @@ def encode_npy(array: NDArray) -> bytes:
     stream = io.BytesIO()
     np.save(stream, array)
     return stream.getvalue()
+
+
+def read_npy(source: str | IO[bytes]) -> NDArray:
+    """Return the array of a .npy file, given by its path or as a stream.
+
+    Raises
+    ------
+    ValueError : it is damaged, or an array of objects, or no array
+    OSError : it can't be read
+    """
+    try:
+        with np.errstate(all="ignore"):
+            array = np.load(source, allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as fault:  # the head is Python's text: numpy lets out whatever its parsers meet
+        raise ValueError(cut(fault) or type(fault).__name__) from fault
+    if not isinstance(array, np.ndarray):
+        raise ValueError("it is no array")
+    return array
 
 
 def encode_npz(arrays: dict[str, NDArray]) -> bytes:

@@ -47,6 +47,7 @@ from ..scene.texture import Budget, Texture, read_picture
 from ..scene.validate import choice, flag, number, store, text, unit3, vector3, whole
 from ..viewpoint import Viewpoint
 from . import formats
+from .array_files import read_npy
 from .files import Folder, name_of, read_source, unpack
 from .loader import SceneFile, load_model
 from .model_file import Limits, MeshSettings, bytes_of_copy, most
@@ -518,7 +519,7 @@ def read_arrays(data: bytes, name: str) -> dict[str, np.ndarray]:
     unpacks to more than `most` says."""
     try:
         members = unpack(data, most(len(data)))
-        return {key.removesuffix(".npy"): np.load(BytesIO(members[key]), allow_pickle=False) for key in members}
+        return {key.removesuffix(".npy"): read_npy(BytesIO(members[key])) for key in members}
     except Exception as fault:
         raise ModelError(f"{name}: can't be read as .npz ({cut(fault) or type(fault).__name__})") from fault
 

@@ -243,6 +243,18 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
     assert_refused(capsys, [([CUBE, "--subdivide", "15"], "cube.obj")], "render", code=3)
 
 
+def test_unreadable_scalars(folder, capsys):
+    def npy(head, body=b""):
+        return b"\x93NUMPY\1\0" + len(head).to_bytes(2, "little") + head + body
+
+    said = "{{'descr': {}, 'fortran_order': False, 'shape': {}}}\n"
+    heads = [("'<f8'", "(2"), ("'<f8'", "(10**99,)"), ("'<f8'", "(1e9,)"), ("'<f8'", f"({10**30},)"), ("'|O'", "(1,)")]
+    heads += [("'<f8'", "()"), ("'<U2'", "(1,)"), ("'<M8[s]'", "(1,)"), ("'<f8'", f"({2**40},)"), ("'<f8'", "(-1,)")]
+    for k, (descr, shape) in enumerate(heads):
+        (folder / f"{k}.npy").write_bytes(npy(said.format(descr, shape).encode(), bytes(8)))
+        assert_refused(capsys, [([CUBE, "--scalars", f"{k}.npy"], f"{k}.npy: ")], "render", code=3)
+
+
 def test_unreadable_models(folder, capsys):
     contents = {
         "empty.obj": (b"", "empty"),
