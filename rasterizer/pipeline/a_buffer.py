@@ -448,7 +448,7 @@ def merge_behind(entries, opacity, transmittance, color, radiance):
     for k in range(len(entries)):
         is_opaque = entries[k] < CLEAR
         behind = radiance[k] if is_opaque else zero
-        seen = color[k] + transmittance[k] * behind if is_opaque else color[k] * (1.0 / opacity[k])
+        seen = color[k] + transmittance[k] * behind if is_opaque else color[k] / opacity[k]
         radiance[k] = seen if opacity[k] > 0.0 else radiance[k]
 
 
