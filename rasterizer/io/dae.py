@@ -20,6 +20,7 @@ import numpy as np
 from ..errors import ModelError, cut
 from ..scene.material import WHITE, Material
 from ..scene.of_gltf import lit_fields, unlit_fields
+from ..vectors import unit
 from .model_file import (
     Contents,
     ModelFile,
@@ -124,6 +125,8 @@ def _document(model, text):
             super()._loadAssetInfo()
             holders = (each for each in self.xmlnode.iter() if str(each.tag).rpartition("}")[2] in _NUMBERS)
             check_numbers(model, "dae", ((each.text or "").encode() for each in holders))
+            for element in [*self.xmlnode.iter(self.tag("lookat"))]:  # pycollada's matrix lies on its side
+                element.tag, element.text = self.tag("matrix"), _looking(element.text or "")
             ids = {element.get("id") for element in self.xmlnode.iter()}
             for above in [*self.xmlnode.iter()]:
                 for element in [*above]:
@@ -169,6 +172,21 @@ def _document(model, text):
 
 # Elements whose text numpy reads up to the first word that is no number.
 _NUMBERS = {"float_array", "p", "v", "vcount", "matrix", "translate", "rotate", "scale", "lookat", "skew"}
+
+
+def _looking(text: str) -> str:
+    """Return the matrix, row by row, of a place that looks from an eye to a point, with a direction that is up; as it
+    is where there are no nine numbers. Source: COLLADA 1.4.1, p. 5-60."""
+    words = text.split()
+    if len(words) != 9:
+        return text
+    eye, point, up = np.array(words, np.float64).reshape(3, 3)
+    with np.errstate(all="ignore"):  # what isn't finite is refused where something stands there
+        back = unit(eye - point)
+        right = unit(np.cross(up, back))
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([right, np.cross(back, right), back, eye], axis=1)
+    return " ".join(map(repr, matrix.ravel().tolist()))
 
 
 class _Reader:

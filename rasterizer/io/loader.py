@@ -328,7 +328,7 @@ def load_model(
     Returns and raises what `load` does.
     """
     name = name_of(source)
-    with one_file(name), np.errstate(invalid="ignore"):  # numbers that aren't finite are refused, or reported
+    with one_file(name), np.errstate(all="ignore"):  # numbers that aren't finite are refused, or reported
         entry = formats.format_of(name, format, is_scene=False)
         with opened_source(source, name, entry.name if entry.is_binary else "", entry.in_parts) as data:
             if not data[: formats.HEAD].strip() and not data[:].strip():

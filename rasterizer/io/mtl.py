@@ -148,7 +148,7 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
         own.update(faults)
         found[name] = material_of(name_in(name), values, texture, is_opacity, own, library.tell)
         used_map = values.get("map_kd") or values.get("map_d")
-        if used_map is not None and used_map[2] is not None:
+        if is_used and used_map is not None and used_map[2] is not None:
             maps.places[name] = used_map[2]
     for line, text in sorted(doubts):
         library.warn(text, line or None)

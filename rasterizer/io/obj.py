@@ -196,6 +196,9 @@ def _take_range(whole: Part, begin, end) -> Part:
     if "uv" in whole:
         table, indices = whole["uv"][0], whole["uv"][1][begin:end]
         has_uv = (indices >= 0).all(axis=1)
+        if "polygons" in whole and not has_uv.all():  # a polygon has them at all its corners, or is drawn without
+            polygons = whole["polygons"][begin:end]
+            has_uv = ~np.isin(polygons, polygons[~has_uv])
         if has_uv.any():
             part["uv"] = _rows_of(table, indices, faces, len(part["vertices"]))
             part["has_uv"] = None if has_uv.all() else has_uv

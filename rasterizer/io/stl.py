@@ -78,7 +78,7 @@ def _read_ascii_stl(model) -> list[Part]:
     text = data.lower() + b" " * len(_VERTEX)
     lines = [*_LIMIT.finditer(text)]
     ends = [line.start() for line in lines[1:]] + [len(text)]
-    found = [(line, end) for line, end in zip(lines, ends, strict=True) if text.find(b"facet", line.end(), end) >= 0]
+    found = [(line, end) for line, end in zip(lines, ends, strict=False) if text.find(b"facet", line.end(), end) >= 0]
     parts = []
     model.limits.count_meshes(len(found))
     for line, end in found:

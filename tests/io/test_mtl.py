@@ -199,7 +199,8 @@ def test_scale_and_offset_move_the_coordinates_of_their_faces(folder):
         ("map_Kd wood.png\nmap_d -s 3 mask.png", [[0, 0], [1, 0], [1, 1]]),  # one texture: it is laid as the colour
     ):
         text = TEXTURED + "usemtl b\nf 1/1 3/3 4/1\n"
-        mesh, said = load_obj(folder, f"newmtl a\n{lines}\nnewmtl b\nmap_Kd wood.png", text)
+        unused = "newmtl c\nmap_Kd -s 9 wood.png"
+        mesh, said = load_obj(folder, f"newmtl a\n{lines}\nnewmtl b\nmap_Kd wood.png\n{unused}", text)
         uv = mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv
         assert not said and uv[0].tolist() == expected and uv[1].tolist() == [[0, 0], [1, 1], [0, 0]], lines
 
@@ -256,3 +257,6 @@ def test_faces_without_coordinates_are_drawn_plain(folder):
     assert has_texture == [False, True, False, False]
     assert [mesh.palette[number].name for number in mesh.face_material] == ["b", "a", "a", "b"]
     assert mesh.palette[mesh.face_material[2]].diffuse == (0.5, 0.5, 0.5)
+    quad = "v 0 1 0\nusemtl a\nf 1/1 2/2 3/3 5\nf 1/1 2/2 3/3\n"  # one triangle of the first has them, one hasn't
+    mesh, _ = load_obj(folder, "newmtl a\nmap_Kd wood.png", POINTS + quad)
+    assert [mesh.palette[number].texture is not None for number in mesh.face_material] == [False, False, True]

@@ -54,6 +54,10 @@ def test_collada_materials_textures_nodes_and_units(tmp_path):
     frame = rz.render(scene, 24, samples=1)
     assert frame.rgb[frame.alpha > 0][:, 1].min() > frame.rgb[frame.alpha > 0][:, 2].max(), "green"
     plain = one(dae(diffuse=RED, asset="", more="<library_lights/>"), "dae")
+    node = (
+        f"<node><lookat>1 2 3 1 7 3 0 0 8</lookat>{SHOWN}</node>"  # from an eye along y: x is right, z is up, y is -z
+    )
+    assert np.allclose(one(dae(node, diffuse=RED), "dae").bounds, [[1, 2, 3], [3, 2, 4]])
     red, green, blue = plain.material.diffuse
     assert red > 7 * green == 7 * blue and plain.material.texture is None
     assert load(dae(diffuse=RED, asset="").encode(), format="dae").up == "y"

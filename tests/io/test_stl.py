@@ -147,6 +147,7 @@ def test_stl_faults_name_the_line():
          ":13: a facet has 2 vertices, 3 are needed"),
         ("solid\n" + FACET.replace(" endloop\nendfacet\n", "") + "endsolid\n", "last facet is cut off"),
         ("solid\n" + FACET + FACET[:-10], "last facet is cut off"),
+        ("solid_x\n" + FACET + "end\n", "no faces"),
         ("solid\nendsolid\n", "no faces"),
     ], ModelError, "model")  # fmt: skip
     said = "binary STL of 12 faces must have 684 bytes, the file has 674"
