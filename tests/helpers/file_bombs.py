@@ -25,7 +25,7 @@ import PIL.Image
 import trimesh  # noqa: F401 - which would count, were it imported by the first file
 
 import rasterizer as rz
-from helpers.file_fuzz import picture
+from helpers.file_grammar import picture
 from helpers.model_bytes import CORE, MATERIALS, relationships, threemf, zipped
 from helpers.other_models import INSTANCE, REP, SHOWN, XAML, dae, threedxml
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.file_bombs import BOMBS, QUICK
-from helpers.file_fuzz import MTL, OBJ, TRIANGLE, npz, picture
+from helpers.file_grammar import MTL, OBJ, TRIANGLE, npz, picture
 from helpers.model_bytes import gltf_with, rich_gltf
 from helpers.refusals import assert_refused
 from PIL import Image

@@ -8,7 +8,7 @@ import stat
 import warnings
 
 import pytest
-from helpers.file_fuzz import TRIANGLE
+from helpers.file_grammar import TRIANGLE
 from helpers.model_bytes import box, exported, gltf_with
 from helpers.other_models import dae
 from PIL import Image

@@ -106,7 +106,7 @@ def test_what_is_not_drawn_is_said_by_load_and_render():
 
 
 def test_a_texture_of_another_format_falls_back_on_the_one_beside_it():
-    from helpers.file_fuzz import picture
+    from helpers.file_grammar import picture
 
     uv = np.zeros((4, 4), "<f4")
     uri = "data:;base64," + base64.b64encode(picture()).decode()
