@@ -23,7 +23,7 @@ from rasterizer import RasterizerError, Renderer, reference
 EXACT = 1e-6  # of full scale: what tolerance 0 promises
 STORED = 2.0**-23  # relative, of an intensity that is kept as float32
 DEPTH = 1e-6  # relative
-PATHS = ("entries", "planes", "exact")  # as `stats.plan.paths` counts them
+PATHS = ("packed", "planes", "exact")  # as `stats.plan.paths` counts them
 
 
 def add_arguments(parser) -> None:

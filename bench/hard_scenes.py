@@ -44,7 +44,7 @@ class Case(NamedTuple):
     name: str
     why: str  # what happens, and why that is right: the function's docstring
     make: Callable  # function from `is_small` to a Scene, or to a Refused
-    path: str  # the paths that draw it: "entries", "planes", "exact", or several; "" where it is refused
+    path: str  # the paths that draw it: "packed", "planes", "exact", or several; "" where it is refused
     is_shown: bool = True  # whether its picture shows anything
 
 
@@ -102,7 +102,7 @@ def every_face(name, faces):
 # ── where the picture's grid is at its limit ──────────────────────────────────────────────────────────────
 
 
-@case("slivers of 1/256 px by 8000 px", path="entries")
+@case("slivers of 1/256 px by 8000 px", path="packed")
 def slivers(is_small):
     """The fill rule is integer: a sliver shows at the samples that lie in it, and nowhere else."""
     size = (512 if is_small else 8192, 24)
@@ -115,7 +115,7 @@ def slivers(is_small):
     return Scene(on_screen(size, points, 2.0, np.arange(3 * n).reshape(-1, 3)), size)
 
 
-@case("20 000 triangles below a pixel", path="entries")
+@case("20 000 triangles below a pixel", path="packed")
 def soup(is_small):
     """Each covers a sample or none. The nearest one at a sample is seen."""
     n, rng = 2000 if is_small else 20_000, np.random.default_rng(2)
@@ -124,14 +124,14 @@ def soup(is_small):
     return Scene(on_screen(SIZE, corners.reshape(-1, 2), depth, np.arange(3 * n).reshape(-1, 3)))
 
 
-@case("a triangle of 10⁶ px", path="entries")
+@case("a triangle of 10⁶ px", path="packed")
 def wide_triangle(_):
     """Edges reach 2²⁰ px beyond the picture before anything is clipped: no pixel of it moves."""
     points = [(-500_000.3, -400_000.7), (600_000.1, 20.4), (-300_000.9, 700_000.2)]
     return Scene(on_screen(SIZE, points, [2.0, 3.0, 7.0], [[0, 1, 2]]))
 
 
-@case("a span of 16 384 px, in entries", path="entries")
+@case("a span of 16 384 px, in packed samples", path="packed")
 def long_packed_span(_):
     """ΔI is rounded to a level of 2⁻²⁴: half a level a step adds up, within a bound over the whole span."""
     made = long_span(_)
@@ -144,7 +144,7 @@ def long_packed_span(_):
     return made._replace(options={"tolerance": 1 / 256}, figure=drift)
 
 
-@case("a span of 16 384 px", path="entries")
+@case("a span of 16 384 px", path="packed")
 def long_span(_):
     """One line over it would add up more than the default tolerance: in pieces it starts anew."""
     size = (16_384, 4)
@@ -153,7 +153,7 @@ def long_span(_):
     return Scene(on_screen(size, points, [2.0, 3.0, 4.0, 5.0], [[0, 1, 2], [0, 2, 3]], normals=normals), size)
 
 
-@case("10⁶ faces in one pixel", path="entries")
+@case("10⁶ faces in one pixel", path="packed")
 def crowded_pixel(is_small):
     """The nearest at the pixel's centre is seen; of those at equal depth the one with the lowest index."""
     n, rng = 10_000 if is_small else 1_000_000, np.random.default_rng(3)
@@ -196,7 +196,7 @@ def deep_triangles(_):
     return Scene(rz.Scene(moved, LIGHTS, camera))
 
 
-@case("the eye in a triangle's plane", path="entries", is_shown=False)
+@case("the eye in a triangle's plane", path="packed", is_shown=False)
 def edge_on(_):
     """Seen from its edge a triangle has no area, and covers nothing."""
     vertices = [(-1, 0, -3), (1, 0, -3), (0, 0, -9), (-1, -1, -5), (1, -1, -5), (0, 1, -5)]
@@ -205,7 +205,7 @@ def edge_on(_):
     return Scene(scene, expect=every_face("edge on", [1]))
 
 
-@case("near : far of 10⁻⁶", path="entries")
+@case("near : far of 10⁻⁶", path="packed")
 def wide_range(_):
     """Depths are 38-bit integers: a step of the z-buffer is far below what separates these faces."""
     points = [(x + 30 * k, y) for k in range(3) for x, y in ((2, 2), (60, 8), (20, 66))]
@@ -213,7 +213,7 @@ def wide_range(_):
     return Scene(on_screen(SIZE, points, depth, np.arange(9).reshape(3, 3), True, near=1e-3, far=1e3))
 
 
-@case("a model 10¹⁰ away from the origin", path="entries")
+@case("a model 10¹⁰ away from the origin", path="packed")
 def far_from_origin(_):
     """Coordinates are float64. What they can't tell there, 2⁻¹⁹ of a unit, no renderer can draw."""
     center = np.array([1e10, -3e10, 2e10])
@@ -240,7 +240,7 @@ def denormals(_):
     return framed([ball(8, 1e-140)], outputs=("color", "face"))
 
 
-@case("coplanar and coincident faces", path="entries")
+@case("coplanar and coincident faces", path="packed")
 def coincident(_):
     """At equal depth the face with the lower index is seen, in every mode and with any number of threads."""
     points = [(5, 5), (90, 5), (90, 68), (5, 68)]
@@ -278,7 +278,7 @@ def never_seen(places, wrong, what):
     return {"figure": figure, "expect": expect}
 
 
-@case("tilted planes 10⁻⁶ of their depth apart", path="entries")
+@case("tilted planes 10⁻⁶ of their depth apart", path="packed")
 def nearly_coplanar(_):
     """A face has the depth of its own plane, not of the triangle whose corners were rounded: parallel ones keep
     order."""
@@ -288,7 +288,7 @@ def nearly_coplanar(_):
     return Scene(scene, **never_seen(near, [0, 1], "the further one is seen"))
 
 
-@case("a decal", path="entries")
+@case("a decal", path="packed")
 def decal(_):
     """A limit: of faces in one plane, on other corners, either may be seen."""
     own, wall = [(10, 9), (84, 5), (88, 60), (13, 64)], [(3, 3), (93, 6), (90, 69), (6, 66)]
@@ -297,7 +297,7 @@ def decal(_):
     return Scene(scene, figure=never_seen(own, [2, 3], "the wall behind it is seen")["figure"])
 
 
-@case("interpenetrating triangles", path="entries")
+@case("interpenetrating triangles", path="packed")
 def interpenetrating(_):
     """Visibility is decided at every sample: the line where they cross comes out by itself."""
     rng = np.random.default_rng(4)
@@ -305,7 +305,7 @@ def interpenetrating(_):
     return Scene(on_screen(SIZE, points, rng.uniform(1.0, 5.0, 36), np.arange(36).reshape(-1, 3), True))
 
 
-@case("T-junctions", path="entries")
+@case("T-junctions", path="packed")
 def t_junctions(_):
     """A vertex on a neighbour's edge is rounded like any other: a pixel may show through, as the mesh has a gap
     there."""
@@ -324,7 +324,7 @@ def vanishing_normals(_):
     return Scene(on_screen(SIZE, points, 2.0, [[0, 1, 2], [0, 2, 3]], normals=normals), options={"shading": "phong"})
 
 
-@case("normals of length 0", path="entries")
+@case("normals of length 0", path="packed")
 def zero_normals(_):
     """A vertex that is said to have none gets the normal of its faces, as where no normals are given."""
     mesh = ball(8)
@@ -354,7 +354,7 @@ def lights_inside_and_far(_):
     return framed([ball(12)], lights, shading="phong")
 
 
-@case("intensities of 10⁻³⁰", path="entries", is_shown=False)
+@case("intensities of 10⁻³⁰", path="packed", is_shown=False)
 def dim(_):
     """The picture is black; its colours keep their digits."""
     return framed([ball(12)], (rz.DirectionalLight((-0.4, -0.5, -0.8), 1e-30),))
@@ -377,7 +377,7 @@ def attenuation(_):
 # ── meshes ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@case("edges at exactly the crease angle", path="entries")
+@case("edges at exactly the crease angle", path="packed")
 def on_the_crease(_):
     """They are no creases: neither split in shading nor drawn as edges, however the corners are rounded."""
     turn = 2 * np.pi * np.arange(12) / 12
@@ -400,14 +400,14 @@ def on_the_crease(_):
     return drawn(30.0)._replace(expect=expect)
 
 
-@case("three faces at an edge", path="entries")
+@case("three faces at an edge", path="packed")
 def non_manifold(_):
     """Normals are averaged among the faces that meet at less than the crease angle."""
     vertices = [(0, -1, 0), (0, 1, 0), (-1, 0, 0.2), (1, 0, 0.3), (0.1, 0, 1.0)]
     return framed([rz.Mesh(vertices, [[0, 1, 2], [1, 0, 3], [0, 1, 4]], crease_angle=60.0)])
 
 
-@case("a spiral of 24 turns, as one polygon", path="entries")
+@case("a spiral of 24 turns, as one polygon", path="packed")
 def spiral(is_small):
     """Concave polygons are cut into triangles between their corners: covered is what the outline encloses."""
     turns = 8 if is_small else 24
@@ -432,7 +432,7 @@ def spiral(is_small):
     return Scene(on_screen(SIZE, grid / 256, 2.0, [list(range(len(grid)))]), expect=expect)
 
 
-@case("a Möbius strip", path="entries")
+@case("a Möbius strip", path="packed")
 def moebius(is_small):
     """It has no inside: faces are lit on the side that the viewer sees."""
     n = 24 if is_small else 96
@@ -447,7 +447,7 @@ def moebius(is_small):
     return framed([rz.Mesh(np.concatenate(edges), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))])
 
 
-@case("a model that is inside out", path="entries")
+@case("a model that is inside out", path="packed")
 def inside_out(_):
     """The side that looks inwards is left out, and lighting is two-sided: it looks like the right one."""
     mesh = ball(12)
@@ -514,7 +514,7 @@ def toon(_):
 # ── what it doesn't do ────────────────────────────────────────────────────────────────────────────────────
 
 
-@case("a highlight inside a polygon", path="entries")
+@case("a highlight inside a polygon", path="packed")
 def lost_highlight(_):
     """A limit of Gouraud's method: no vertex sees the highlight, so no sample does."""
     normals = [(-0.5, -0.5, 0.7), (0.5, -0.5, 0.7), (0.5, 0.5, 0.7), (-0.5, 0.5, 0.7)]
@@ -540,7 +540,7 @@ def vertex_alpha(_):
     )
 
 
-@case("a polygon that crosses itself", path="entries")
+@case("a polygon that crosses itself", path="packed")
 def crossing_polygon(_):
     """A limit: no triangles between its corners fill it; it is warned of."""
     with warnings.catch_warnings(record=True) as caught:
@@ -555,7 +555,7 @@ def crossing_polygon(_):
 # ── shadows ───────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@case("a shadow on a floor of two triangles", path="entries")
+@case("a shadow on a floor of two triangles", path="packed")
 def shadow_of_vertices(_):
     """A limit of Gouraud's method: shadows are those of vertices, so this one is lost."""
     plate = rz.Mesh([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)], [[0, 2, 1], [0, 3, 2]])
@@ -635,7 +635,7 @@ def spectral_colors(_):
 # ── what is refused, or clipped ───────────────────────────────────────────────────────────────────────────
 
 
-@case("a convex polygon of 24 corners", path="entries")
+@case("a convex polygon of 24 corners", path="packed")
 def convex_polygon(_):
     """It is a fan of 22 triangles round its lowest corner, in every shading and buffer."""
     turn = np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
@@ -644,7 +644,7 @@ def convex_polygon(_):
     return Scene(rz.Scene(mesh, (*LIGHTS, LAMP), rz.Camera.perspective((0, 0, 4))))
 
 
-@case("what is nearer than 2⁻²⁶ of the furthest distance", path="entries")
+@case("what is nearer than 2⁻²⁶ of the furthest distance", path="packed")
 def nearer_than_near(_):
     """A limit: it is clipped, which is warned of; the rest is as it was."""
     points = [(8, 60), (88, 60), (48, 8)] * 2
@@ -657,7 +657,7 @@ def only(face):
     return lambda frame: None if np.unique(frame.face).tolist() == [-1, face] else "another face is seen"
 
 
-@case("faces nearer together than depth can tell", path="entries")
+@case("faces nearer together than depth can tell", path="packed")
 def too_near(_):
     """A limit: 38 bits of the range of depths; there either may be in front."""
     points = [(8, 60), (88, 60), (48, 8)] * 2 + [(90, 2), (95, 2), (92, 6)]

@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 QUICK = {"--frames": "3", "--seconds": "0.1", "--runs": "1", "--pairs": "1", "--rounds": "1", "--cold": "1"}
 SMALL = {
     "throughput": ["--models", "4"],
-    "paths": ["--scenes", "scan", "packed entries"],
+    "paths": ["--scenes", "scan", "packed samples"],
     "refinement": ["--quads", "4", "8", "16", "--finest", "32"],
     "hard_cases": ["--small"],
     "whole": ["--models", "teapot", "layers"],

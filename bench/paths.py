@@ -1,7 +1,7 @@
 """What does each path of the renderer earn? The frame with it and without it.
 
     python bench/paths.py --scan path/to/scan.obj
-    python bench/paths.py "packed entries" "spans in pieces" --scenes dense,quads --threads 2
+    python bench/paths.py "packed samples" "spans in pieces" --scenes dense,quads --threads 2
 
 A path is anything that does, only faster, what the rest of the renderer could do as well: a special case, a cheaper
 representation, vector instructions by hand. To leave one out, a copy of the package gets a small edit. Two processes,
@@ -31,7 +31,7 @@ class Variant(NamedTuple):
 
 # fmt: off
 PATHS = (
-    Variant("packed entries", (("pipeline/gradients.py", "    if n_in_entries > 0:", "    if False:"),)),
+    Variant("packed samples", (("pipeline/gradients.py", "    if n_in_packed > 0:", "    if False:"),)),
     Variant("spans in pieces", (("pipeline/gradients.py", "if count_left(block) > 0:", "if False:"),)),
     Variant("planes", (
         ("pipeline/gradients.py", "&= ints[s.PATH + k] != EXACT", "= 0"),
@@ -105,7 +105,7 @@ PATHS = (
 # fmt: on
 # What is measured where nothing else is asked for. A path takes half a minute, most of it for compiling.
 TOLD = (
-    "packed entries",
+    "packed samples",
     "planes",
     "float32",
     "one channel",

@@ -335,9 +335,9 @@ def hard_cases(rows) -> list[str]:
     ):  # fmt: skip
         own = [row for row in rows if is_one(row)]
         shares = [row["of_bound"] for row in own if row.get("of_bound") is not None and not row.get("is_at_step")]
-        by_paths = [sum(path in row["path"] for row in own) for path in ("entries", "planes", "exact")]
+        by_paths = [sum(path in row["path"] for row in own) for path in ("packed", "planes", "exact")]
         found.append([name, str(len(own)), *map(str, by_paths), figure(max(shares)) if shares else ""])
-    columns = ["cases", "by entries", "by planes", "by exact records", "largest error / bound"]
+    columns = ["cases", "by packed samples", "by planes", "by exact setups", "largest error / bound"]
     return lines_of(["what happens", *columns], found)
 
 

@@ -31,7 +31,7 @@ from rasterizer.pipeline.cull import Band, first_sample
 from rasterizer.pipeline.resolve import srgb_thresholds
 from rasterizer.pipeline.scan import ScanCounts, Triangle, advance, scan, start_edge
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, Drawables, Triangles, transform
-from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
+from rasterizer.pipeline.visibility import CLEAR, INTENSITY_MASK, PAYLOAD_BITS
 from rasterizer.pipeline.workspace import WorkspaceShape, make_picture, make_workspace
 
 OPTIONS = Options(size=(24, 16), shading="gouraud", samples=1, threads=1)
@@ -59,7 +59,7 @@ class Followed(NamedTuple):
     n_band_row: int
     band: Band
     block: object  # the triangle's planes
-    entries: np.ndarray  # (HEIGHT, WIDTH) int64, the visibility buffer
+    packed: np.ndarray  # (HEIGHT, WIDTH) int64, the visibility buffer
     radiance: np.ndarray  # (HEIGHT, WIDTH), linear intensities
     rgba: np.ndarray  # (HEIGHT, WIDTH, 4) uint8
 
@@ -78,15 +78,15 @@ def go(scene) -> Followed:
     drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes), NO_SOURCES)
     band = Band(lists.faces, 0, HEIGHT)
     shape = WorkspaceShape(WIDTH, n_band_row, 1, 1, render_pass.dtype, is_textured=False, is_transparent=False)
-    workspace = make_workspace(shape, len(band.faces) * render_pass.units_per_record)
-    visibility, records = workspace.visibility, workspace.records
-    counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))
-    entries = visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
+    workspace = make_workspace(shape, len(band.faces) * render_pass.units_per_setup)
+    visibility, setups = workspace.visibility, workspace.setups
+    counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, setups, None))
+    packed = visibility.packed.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.shade(workspace, band, counts)
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.finish(workspace, band, counts, None, drawn)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
-    return Followed(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
+    return Followed(render_pass, vertices, n_outside, n_band_row, band, workspace.block, packed, radiance, rgba)
 
 
 def make_pass(scene, geometry, view, screen) -> ColorPass:
@@ -166,6 +166,7 @@ def describe_setup(followed: Followed) -> list[str]:
     anchor = tuple(of_block(followed.block.ints, s.ANCHOR_X, 2))
     z, m, f = planes_of(followed)
     (middle,) = reals_of(followed, s.MIDDLE, 1)
+    scale = followed.render_pass.coding.intensity_scale
     return [
         f"{ordered}: the topmost first, then clockwise",
         f"anchor: sample {anchor}, the first of the box",
@@ -173,13 +174,13 @@ def describe_setup(followed: Followed) -> list[str]:
         f"z        {z[0]:17d} {z[1]:15d} {z[2]:15d}",
         f"f        {f[0]:17.9f} {f[1]:15.9f} {f[2]:15.9f}",
         f"M        {m[0]:17.3f} {m[1]:15.3f} {m[2]:15.3f}",
-        f"level = {middle:.1f} + M/f; a level is 1/{followed.render_pass.coding.level_scale:.2f} of an intensity of 1",
+        f"intensity = {middle:.1f} + M/f steps; a step is 1/{scale:.2f} of an intensity of 1",
     ]
 
 
 def describe_choice(followed: Followed) -> list[str]:
     """Why spans are cut: the bounds of affine interpolation over the triangle, and over a piece."""
-    intensities, scale = followed.render_pass.attributes[0, :, 0], followed.render_pass.coding.level_scale
+    intensities, scale = followed.render_pass.attributes[0, :, 0], followed.render_pass.coding.intensity_scale
     w = 6.0 - np.array(VERTICES)[:, 2]
     ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
     (piece,), (_, m, f) = of_block(followed.block.ints, s.PIECE, 1), planes_of(followed)
@@ -199,18 +200,18 @@ def describe_scan(followed: Followed) -> list[str]:
     lines = ["row   left edge             right edge            span        samples"]
     for y, left, right in walk_edges(followed):
         edges = "   ".join(f"{edge.x:2d} {edge.rest:7d}/{edge.divisor:<7d}" for edge in (left, right))
-        row = "".join("#" if entry < CLEAR else "." for entry in followed.entries[y].tolist())
+        row = "".join("#" if packed < CLEAR else "." for packed in followed.packed[y].tolist())
         lines.append(f"{y:3d}   {edges}   {left.x:2d} to {right.x - 1:2d}    {row}")
-        covered = np.flatnonzero(followed.entries[y] < CLEAR).tolist()
+        covered = np.flatnonzero(followed.packed[y] < CLEAR).tolist()
         assert covered == list(range(left.x, right.x)), "the edges and the buffer disagree"
-    lines.append(f"covered: {int((followed.entries < CLEAR).sum())} samples")
+    lines.append(f"covered: {int((followed.packed < CLEAR).sum())} samples")
     for name, edge in zip(("v0-v2", "v0-v1", "v1-v2"), edges_of(followed), strict=True):
         lines.append(f"each row adds to the edge {name}: {edge.dx:+d} to the sample, {edge.d_rest} to the rest")
     return lines
 
 
-def describe_entry(followed: Followed) -> list[str]:
-    """The entry of the sample that is followed."""
+def describe_packed(followed: Followed) -> list[str]:
+    """The packed sample that is followed."""
     anchor_x, anchor_y = of_block(followed.block.ints, s.ANCHOR_X, 2)
     z, m, f = planes_of(followed)
     (piece,), (middle,) = of_block(followed.block.ints, s.PIECE, 1), reals_of(followed, s.MIDDLE, 1)
@@ -221,37 +222,37 @@ def describe_entry(followed: Followed) -> list[str]:
     for x in (first, first + piece):
         here = [plane[0] + (x - anchor_x) * plane[1] + rows * plane[2] for plane in (m, f)]
         ends.append(round(middle + here[0] / here[1]))
-    columns, level_step = COLUMN - first, round((ends[1] - ends[0]) / piece)
-    z_here, level = z[0] + (COLUMN - anchor_x) * z[1] + rows * z[2], ends[0] + columns * level_step
-    entry, step = (z_here << PAYLOAD_BITS) + level, (z[1] << PAYLOAD_BITS) + level_step
-    assert entry == followed.entries[ROW, COLUMN] and entry + step == followed.entries[ROW, COLUMN + 1]
-    bits = f"{entry:064b}"
+    columns, intensity_step = COLUMN - first, round((ends[1] - ends[0]) / piece)
+    z_here, intensity = z[0] + (COLUMN - anchor_x) * z[1] + rows * z[2], ends[0] + columns * intensity_step
+    packed, step = (z_here << PAYLOAD_BITS) + intensity, (z[1] << PAYLOAD_BITS) + intensity_step
+    assert packed == followed.packed[ROW, COLUMN] and packed + step == followed.packed[ROW, COLUMN + 1]
+    bits = f"{packed:064b}"
     return [
         f"sample ({COLUMN}, {ROW}), in the piece of the columns {first} to {first + piece - 1}",
-        f"level at {first}: {ends[0]}, at {first + piece}: {ends[1]}, so {level_step} a sample",
+        f"intensity at {first}: {ends[0]}, at {first + piece}: {ends[1]}, so {intensity_step} a sample",
         f"z     = {z[0]} {z[1]:+d}·{COLUMN - anchor_x} {z[2]:+d}·{rows} = {z_here}",
-        f"level = {ends[0]} {level_step:+d}·{columns} = {level}",
-        f"entry = z·2^{PAYLOAD_BITS} + level = {entry}",
+        f"intensity = {ends[0]} {intensity_step:+d}·{columns} = {intensity}",
+        f"packed = z·2^{PAYLOAD_BITS} + intensity = {packed}",
         f"bits  = {bits[0]} | {bits[1 : 1 + DEPTH_BITS]} | {bits[1 + DEPTH_BITS]} | {bits[2 + DEPTH_BITS :]}",
-        "        sign, z, is_id, level",
-        f"the next sample: entry {step:+d} = {entry + step}",
+        "        sign, z, is_id, intensity",
+        f"the next sample: {step:+d} = {packed + step}",
     ]
 
 
 def describe_shade(followed: Followed) -> list[str]:
     """The intensity of the sample, and what it is off the true one."""
-    scale = followed.render_pass.coding.level_scale
-    here, beside = (int(followed.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
+    scale = followed.render_pass.coding.intensity_scale
+    here, beside = (int(followed.packed[ROW, COLUMN + k] & INTENSITY_MASK) for k in range(2))
     intensities = followed.render_pass.attributes[0, :, 0]
     weights = weights_at(followed)
     q = weights / (6.0 - np.array(VERTICES)[:, 2])
     exact = float(q @ intensities / q.sum())
     return [
-        f"level {here} / {scale:.2f} = {followed.radiance[ROW, COLUMN]:.6f}",
+        f"intensity {here} / {scale:.2f} = {followed.radiance[ROW, COLUMN]:.6f}",
         f"one sample to the right: ΔI·Δv = {(beside - here) / scale:+.6f}, so {followed.radiance[ROW, COLUMN + 1]:.6f}",
         "weights of A, B, C on the screen: " + " ".join(f"{weight:.6f}" for weight in weights),
         f"their mean of the intensities: {float(weights @ intensities):.6f}; with perspective: {exact:.6f}",
-        f"error of the entry: {abs(here / scale - exact):.1e}",
+        f"error of the packed intensity: {abs(here / scale - exact):.1e}",
     ]
 
 
@@ -361,7 +362,7 @@ STAGES = {
     "setup": describe_setup,
     "choice": describe_choice,
     "scan": describe_scan,
-    "entry": describe_entry,
+    "packed": describe_packed,
     "shade": describe_shade,
     "resolve": describe_resolve,
     "explanation": describe_explanation,

@@ -9,7 +9,7 @@ What lives where, from the top downwards; a folder's `__init__` says what its fi
     cli, viewer, batch    the command `raster`; the page and the widget; many pictures in many processes
     analysis              pictures compared, sheets, Mach bands, speed against error
     renderer, frame       `render` and `Renderer`; the picture and its buffers; animation and picking stand beside them
-    look, viewpoint       words such as `material="gold"` and `view="front"`, of programs and of the command line
+    appearance, viewpoint words such as `material="gold"` and `view="front"`, of programs and of the command line
     reference             the judge: a slow renderer in float64, which shares no kernel with the fast one
     engine                draws a scene: plans it, prepares it, and calls the pipeline
     pipeline              the kernels, in the order in which a polygon meets them

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .appearance import Appearance
 from .errors import SceneError, counted, shown
 from .frame import Frame
 from .io.animation import Timing, encode_animation
@@ -17,7 +18,6 @@ from .io.camera_file import viewpoint_of
 from .io.files import write_whole
 from .io.loader import read_source
 from .keywords import divided, takes_words
-from .look import Look
 from .options import Options
 from .renderer import Renderer, render
 from .scene.validate import number, text, whole
@@ -99,7 +99,7 @@ class Animation:
         return path
 
 
-@takes_words(Viewpoint, Look, Options, but=("size", "outputs"))
+@takes_words(Viewpoint, Appearance, Options, but=("size", "outputs"))
 def turntable(
     scene: Any,
     size: int | Sequence[int] | None = None,
@@ -137,8 +137,8 @@ def turntable(
     view_words, others = divided(words, Viewpoint)
     viewpoint, others = viewpoint_of(view_words), others | {"outputs": "rgb"}
     angles = [360.0 * k / n_frame for k in range(n_frame)]
-    look = Look(**divided(others, Look)[0])
-    read = read_source(scene, camera=viewpoint.of_file, **look.reading)
+    appearance = Appearance(**divided(others, Appearance)[0])
+    read = read_source(scene, camera=viewpoint.of_file, **appearance.reading)
     if size is None and options is None and "size" not in read.options:
         size = _SIZE
     with Renderer(read, size, options=options, camera=viewpoint.of_file, **others) as renderer:

@@ -93,7 +93,7 @@ class Options:
     """
 
     # Where more may be given than is stored, `Annotated` says what: type checkers read it in words.pyi, which
-    # tests/project/make_words.py makes of the fields here and in look.py and viewpoint.py.
+    # tests/project/make_words.py makes of the fields here and in appearance.py and viewpoint.py.
     size: tuple[int, int] = (640, 480)
     shading: Shading = "phong"
     tolerance: float = DEFAULT_TOLERANCE

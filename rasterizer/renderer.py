@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .appearance import Appearance
 from .compiler.kernels import Job, compiling_ahead
 from .engine.draw import Clock
 from .engine.prepared import PreparedScene, check_memory, checked_out
@@ -22,7 +23,6 @@ from .io.files import name_of
 from .io.loader import FileLike, SceneFile, doubt_of_up, read_source
 from .keywords import divided, takes_words
 from .locks import cached_property
-from .look import Look
 from .options import Options
 from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .words import RenderWords, SceneWords, ViewpointWords
 
 
-@takes_words(Viewpoint, Look, Options, but=("size",))
+@takes_words(Viewpoint, Appearance, Options, but=("size",))
 def render(
     scene: SceneLike | FileLike,
     size: int | Sequence[int] | None = None,
@@ -148,7 +148,7 @@ class Renderer:
     on threads of its own; pickled, it becomes a new one of the same scene and options.
     """
 
-    @takes_words(Look, Options, but=("size",))
+    @takes_words(Appearance, Options, but=("size",))
     def __init__(
         self,
         scene: SceneLike | FileLike,
@@ -159,12 +159,12 @@ class Renderer:
         **words: Unpack[SceneWords],
     ) -> None:
         if TYPE_CHECKING:  # how Jedi finds the words
-            Look(**words)
+            Appearance(**words)
             Options(**words)
         self.scene: Scene
         self.options: Options
         self.framing: Viewpoint | None
-        self.scene, self.options, self.framing, _ = load_look(scene, words, size, options, camera)
+        self.scene, self.options, self.framing, _ = load_with_appearance(scene, words, size, options, camera)
         self._prepare()
 
     def _prepare(self, like: PreparedScene | None = None) -> None:
@@ -184,7 +184,7 @@ class Renderer:
         """
         found = object.__new__(Renderer)
         found.options, found.framing = self.options, self.framing
-        found.scene = Look(lights=lights).change(self.scene, self.options.shading, self.options.ground)
+        found.scene = Appearance(lights=lights).change(self.scene, self.options.shading, self.options.ground)
         found._prepare(self._prepared)
         return found
 
@@ -340,7 +340,7 @@ class Renderer:
         return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, options, draw_pick))
 
 
-def load_look(
+def load_with_appearance(
     source: Any,
     words: Mapping[str, Any],
     size: int | Sequence[int] | None = None,
@@ -352,7 +352,7 @@ def load_look(
     Parameters
     ----------
     source, camera : as `load` takes them, or a SceneFile that has been read
-    words : those of Look and of Options
+    words : those of Appearance and of Options
     size, options : as `render` takes them; without `options`, those of a scene file are the ones that words replace
 
     Returns
@@ -363,15 +363,15 @@ def load_look(
         raise SceneError(f"options must be Options or None; given {shown(options)}")
     if isinstance(source, Scene) and options is not None and camera is None and size is None and not words:
         return SceneFile(source, options)
-    words, chosen = divided(words, Look)
+    words, chosen = divided(words, Appearance)
     chosen |= {} if size is None else {"size": size}
-    made, look = replace(options, **chosen) if options else Options(**chosen), Look(**words)
-    scene, own, framing, look_of_file = read_source(source, camera=camera, **look.reading)
+    made, appearance = replace(options, **chosen) if options else Options(**chosen), Appearance(**words)
+    scene, own, framing, appearance_of_file = read_source(source, camera=camera, **appearance.reading)
     if own and options is None:
         try:
             made = Options(**own | chosen)
         except SceneError as fault:
             raise SceneError(f"{name_of(source)}: options: {fault}") from fault
-    if camera is None and look.up is not None and scene.camera is not None:  # another view is meant
+    if camera is None and appearance.up is not None and scene.camera is not None:  # another view is meant
         scene = replace(scene, camera=None)
-    return SceneFile(look.over(look_of_file).change(scene, made.shading, made.ground), made, framing)
+    return SceneFile(appearance.over(appearance_of_file).change(scene, made.shading, made.ground), made, framing)

@@ -33,8 +33,8 @@ class OptionWords(TypedDict, total=False):
     ground: bool
     min_opacity: float
 
-class LookWords(TypedDict, total=False):
-    """Fields of `Look`."""
+class AppearanceWords(TypedDict, total=False):
+    """Fields of `Appearance`."""
 
     lights: Light | Iterable[Any] | None
     preset: Preset | None
@@ -73,7 +73,7 @@ class ViewWords(ViewpointWords, total=False):
 
     camera: Camera | str | os.PathLike[str] | None
 
-class SceneWords(LookWords, OptionWords, total=False):
+class SceneWords(AppearanceWords, OptionWords, total=False):
     """What `Renderer` takes."""
 
 class RenderWords(ViewWords, SceneWords, total=False):

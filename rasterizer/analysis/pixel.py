@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..appearance import Appearance
 from ..engine.domains import TEXTURED
 from ..engine.sample_path import DrawnSample, draw_sample
 from ..errors import SceneError
@@ -19,11 +20,10 @@ from ..frame import Frame
 from ..io.camera_file import viewpoint_of
 from ..io.loader import FileLike
 from ..keywords import divided, takes_words
-from ..look import Look
 from ..options import Options
 from ..reference import explain as explaining
 from ..reference.explain import Explanation, Row
-from ..renderer import load_look, render
+from ..renderer import load_with_appearance, render
 from ..scene.camera import Camera
 from ..scene.lights import light_type_of, without_shadows
 from ..scene.scene import Scene, SceneLike
@@ -39,7 +39,7 @@ _NEAR = 1e-3  # that positions and normals may differ by, of the distance and of
 _MANY = 16  # lights: more are not left out one by one
 
 
-@takes_words(Viewpoint, Look, Options, but=("size", *_OVER_SURFACES))
+@takes_words(Viewpoint, Appearance, Options, but=("size", *_OVER_SURFACES))
 def explain(
     scene: SceneLike | FileLike | Frame,
     x: int,
@@ -85,7 +85,7 @@ def explain(
     else:
         view_words, others = divided(words, Viewpoint)
         viewpoint = viewpoint_of(view_words)
-        told, made, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
+        told, made, framing, _ = load_with_appearance(scene, others, size, options, viewpoint.of_file)
         camera = viewpoint.over(framing).camera_of(told, made.size)
     found, drawn, difference = _ask_both(told, made, camera, x, y)
     rows: list[Row] = [("picture", tuple(drawn.color.tolist())), ("difference", difference)]
@@ -169,8 +169,8 @@ def _simpler(scene: Scene, options: Options) -> Iterator[tuple[str, Scene, Optio
     if scene.depth_cue is not None:
         yield "the depth cue", replace(scene, depth_cue=None), options
     if any(material.textures for material in scene.materials):
-        yield "textures", Look(material={"texture": None, "metallic_roughness": None}).change(scene), options
-    yield "highlights", Look(material={"specular": 0}).change(scene), options
+        yield "textures", Appearance(material={"texture": None, "metallic_roughness": None}).change(scene), options
+    yield "highlights", Appearance(material={"specular": 0}).change(scene), options
     for k, light in enumerate(scene.lights if len(scene.lights) <= _MANY else ()):
         others = scene.lights[:k] + scene.lights[k + 1 :]
         yield f"light {k}, {light_type_of(light)}", replace(scene, lights=others), options

@@ -141,21 +141,22 @@ def drop(kept: dict[str, Any]) -> None:
 
 
 def _render(model: Model, task: RenderTask, options: Options, kept: dict[str, Any]) -> Frame:
-    """Draw a picture of a model, by the Renderer of the one before if options and look are the same; where the view is,
-    too, the frame is that of the one before."""
-    look = options, pickle.dumps(task.look), pickle.dumps(task.lights), task.seed if is_random(task.lights) else None
-    if kept.get("look") != look:
+    """Draw a picture of a model, by the Renderer of the one before if options and appearance are the same; where the
+    view is, too, the frame is that of the one before."""
+    seed = task.seed if is_random(task.lights) else None
+    appearance = options, pickle.dumps(task.appearance), pickle.dumps(task.lights), seed
+    if kept.get("appearance") != appearance:
         file = model.file
         lights = {} if task.lights is None else {"lights": lights_of(file.scene, task)}
-        before, of_before = kept.pop("renderer", None), kept.pop("look", None)
+        before, of_before = kept.pop("renderer", None), kept.pop("appearance", None)
         if before is not None:
             before.close()
-        is_changed = task.look or file.look is not None  # which may change lights
-        if before is not None and of_before[:2] == look[:2] and not is_changed:
+        is_changed = task.appearance or file.appearance is not None  # which may change lights
+        if before is not None and of_before[:2] == appearance[:2] and not is_changed:
             kept["renderer"] = before.in_lights(lights.get("lights", file.scene.lights))
         else:
-            kept["renderer"] = Renderer(file, options=options, **lights | task.look)
-        kept["look"], kept["frame"] = look, (None, None)
+            kept["renderer"] = Renderer(file, options=options, **lights | task.appearance)
+        kept["appearance"], kept["frame"] = appearance, (None, None)
     view = view_of(task)
     if kept["frame"][0] != view:
         kept["frame"] = view, kept["renderer"].render(**side_of(model.file.scene, task, options.size))
@@ -174,8 +175,8 @@ def _annotate(model: Model, options: Options, frame: Frame, kept: dict[str, Any]
 
 
 def view_of(task: RenderTask) -> bytes:
-    """Return what tells the view and look of a task from others of its model."""
-    return pickle.dumps((task.view_words, task.view, task.look, task.lights, task.seed))
+    """Return what tells the view and appearance of a task from others of its model."""
+    return pickle.dumps((task.view_words, task.view, task.appearance, task.lights, task.seed))
 
 
 def lights_of(scene: Scene, task: RenderTask) -> Any:

@@ -267,8 +267,6 @@ class Batch:
         if task.seed is None and (is_random(task.view) or is_random(task.lights)):
             task = replace(task, seed=index)
         options = task.check()
-        if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
-            task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
         path, outputs = source_of(task), {name: os.path.abspath(name) for name in task.files(options)}
         for k, (name, output) in enumerate(outputs.items()):
             other = self._outputs.get(output)
@@ -284,6 +282,8 @@ class Batch:
         if self._existing != "replace" and self._is_done(outputs.values(), path, task):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
                 return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs), seed=task.seed)
+        if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
+            task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
         if path is None:
             return Item(index, task, options, None, self._share(task.source, task.loading))
         refuse_inputs(outputs, {identity_of(path): path})
@@ -295,10 +295,12 @@ class Batch:
             status = [os.stat(output) for output in outputs]
             if not all(each.st_size for each in status):  # an empty file is none
                 return False
-            if path is None or self._existing != "changed":
+            if self._existing != "changed":
                 return True
             made = min(each.st_mtime_ns for each in status)
-            return os.stat(path).st_mtime_ns <= made and not self._names_newer(path, made, task)
+            named = task.files_named if path is None else (path, *task.files_named)
+            is_older = all(os.stat(each).st_mtime_ns <= made for each in named)
+            return is_older and (path is None or not self._names_newer(path, made, task))
         except (OSError, ValueError):
             return False
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from inspect import signature
 from typing import Any, Literal, get_args
 
+from ..appearance import READING, TEXTURES, Appearance
 from ..choices import ARRAY_SUFFIXES, RANDOM, SAVED_ARRAYS, VIEWS, SavedArray, Scale
 from ..errors import SceneError, counted, cut, shown
 from ..frame import Stats
 from ..io.formats import picture_format
 from ..io.loader import load
 from ..keywords import checked_fields, divided, unknown_keyword
-from ..look import READING, Look
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.validate import whole
@@ -150,7 +150,7 @@ class RenderTask:
                 check_arrays(held, suffix[1:], self.scale_in(path, names))
         if self.scale is not None and not any(self.scale_in(*each) for each in files.items()):
             raise SceneError(f"scale is that of depth in a PNG file, and none is written; given {shown(self.scale)}")
-        pickle.dumps((self.view_words, self.look, self.view, self.lights))  # other processes get them
+        pickle.dumps((self.view_words, self.appearance, self.view, self.lights))  # other processes get them
         return options
 
     def scale_in(self, path: str, names: tuple[str, ...]) -> Any:
@@ -186,7 +186,7 @@ class RenderTask:
         if isinstance(self.options, Options):
             values = dict(vars(self.options))
         elif isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options):
-            values = divided(divided(self.options, Viewpoint)[1], Look)[1]
+            values = divided(divided(self.options, Viewpoint)[1], Appearance)[1]
             fields = {"view", "camera"} if self.lights is None else {"view", "camera", "lights"}
             if elsewhere := sorted((fields | {*READING}) & {*self.options}):
                 raise SceneError(f"a task has {elsewhere[0]} as a field, or in `load`; given in its options")
@@ -213,9 +213,17 @@ class RenderTask:
         return isinstance(self.camera, str) and self.camera == "file"
 
     @property
-    def look(self) -> dict[str, Any]:
+    def appearance(self) -> dict[str, Any]:
         """The words of its options that change how its model looks."""
-        return divided(self.options, Look)[0] if isinstance(self.options, Mapping) else {}
+        return divided(self.options, Appearance)[0] if isinstance(self.options, Mapping) else {}
+
+    @property
+    def files_named(self) -> tuple[str, ...]:
+        """The files beside its model that its picture is made of: textures and a camera."""
+        material = self.appearance.get("material")
+        textures = [material.get(name) for name in TEXTURES] if isinstance(material, Mapping) else []
+        named = [os.fspath(each) for each in (*textures, self.camera) if isinstance(each, (str, os.PathLike))]
+        return tuple(each for each in named if each not in ("file", "frame"))
 
     @property
     def view_words(self) -> dict[str, Any]:

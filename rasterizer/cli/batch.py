@@ -6,7 +6,7 @@ from time import perf_counter
 from ..errors import OutputError, SceneError
 from ..options import Options
 from . import values
-from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
+from .flags import add_appearance, add_arrays, add_camera, add_models, add_output, add_processes
 
 IMPORTS = ("drawing", "processes")
 _EXAMPLES = """\
@@ -62,7 +62,7 @@ def add_flags(parser) -> None:
     add("--unit", type=values.number, metavar="MM", default=1000.0,
         help="millimetres of a scene unit, for --bop (default 1000)")  # fmt: skip
     add_camera(parser, has_seed=True)
-    add_look(parser)
+    add_appearance(parser)
 
 
 def run(request, messages, *, scheduler, is_changed, manifest, coco, bop, unit) -> tuple[list, int]:

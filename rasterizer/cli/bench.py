@@ -13,7 +13,7 @@ from .. import choices
 from ..errors import SceneError, counted
 from ..options import Options
 from . import values
-from .flags import add_camera, add_json, add_look, add_messages, add_models, add_size
+from .flags import add_appearance, add_camera, add_json, add_messages, add_models, add_size
 from .messages import QUIET, Bar, aligned, print_text
 
 IMPORTS = ("drawing",)
@@ -71,7 +71,7 @@ def add_flags(parser) -> None:
         help="also FLIP, 0 to 1 (needs flip-evaluator)")  # fmt: skip
     add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")
     add_camera(parser)
-    add_look(parser, is_compared=True)
+    add_appearance(parser, is_compared=True)
 
 
 def run(request, messages, *, has_all, with_flip, seconds, **compared) -> tuple[list, int]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from ..choices import ARRAY_SUFFIXES
 from ..errors import SceneError, counted
 from . import values
-from .flags import add_camera, add_look, add_models, add_output
+from .flags import add_appearance, add_camera, add_models, add_output
 from .messages import QUIET, STDIO, aligned, print_text
 
 IMPORTS = ("drawing",)
@@ -78,7 +78,7 @@ def add_flags(parser) -> None:
     add("--no-reference", dest="has_reference", action="store_false",
         help="compare with Phong's shading as rendered, which is quicker")  # fmt: skip
     add_camera(parser)
-    add_look(parser, is_compared=True)
+    add_appearance(parser, is_compared=True)
 
 
 def run(request, messages, *, methods, has_reference) -> tuple[list, int]:

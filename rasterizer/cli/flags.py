@@ -190,7 +190,7 @@ def add_camera(parser, views=True, azimuth="about the up axis",
         f"for {_Z_UP}, else y)")
 
 
-def add_look(parser, is_compared=False):
+def add_appearance(parser, is_compared=False):
     """Add how models look, and how exactly and quickly they are drawn; return the group of the latter.
 
     Parameters

@@ -73,7 +73,7 @@ def run(request, messages) -> tuple[list, int]:
     failures = Failures(messages, request.is_json)
     for number, model in enumerate(models):
         with failures.caught(model):
-            facts = _describe(model, request.look, messages)
+            facts = _describe(model, request.appearance, messages)
             if request.is_json:
                 messages.record(facts)
             else:
@@ -81,7 +81,7 @@ def run(request, messages) -> tuple[list, int]:
     return failures, len(models)
 
 
-def _describe(model, look, messages) -> dict:
+def _describe(model, appearance, messages) -> dict:
     """Load a model, and return what is known of it: a record that JSON can say."""
     from ..analysis.mesh_topology import compute_topology
     from ..io.loader import load
@@ -90,13 +90,13 @@ def _describe(model, look, messages) -> dict:
     from .models import source_of
 
     start = perf_counter()
-    source = source_of(model, look.format)
+    source = source_of(model, appearance.format)
     said, files_read = [], []
     with collected_warnings() as texts:
-        scene = load(source, camera="file", **look.reading, log=said.append, files_read=files_read)
+        scene = load(source, camera="file", **appearance.reading, log=said.append, files_read=files_read)
     for text in said:
         messages.detail(text)
-    entry = formats.format_of(model, look.format)
+    entry = formats.format_of(model, appearance.format)
     points, faces = _gather(scene)
     topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces, scene.bounds)
     materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}.values()

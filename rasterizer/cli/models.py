@@ -34,7 +34,7 @@ def list_models(request) -> list[str]:
     if STDIO in models:
         if models.count(STDIO) > 1:
             raise SceneError("stdin (-) can be read once only")
-        if request.look.format is None:
+        if request.appearance.format is None:
             raise SceneError("a model from stdin needs --input-format")
         if sys.stdin is None or sys.stdin.isatty():
             raise SceneError("stdin is a terminal; pipe a model into it")
@@ -85,7 +85,7 @@ def load_scene(model, request, messages, files_read=None, read=None) -> Loaded:
             request = request.over(read)
         shading = None if request.is_compared else request.options.shading
         with named_in_errors(model):
-            scene = request.look.change(read.scene, shading, request.options.ground, request.shadow_fields)
+            scene = request.appearance.change(read.scene, shading, request.options.ground, request.shadow_fields)
         if request.shadow_fields and not any(getattr(light, "shadow", None) for light in scene.lights):
             name = next(iter(request.shadow_fields))
             raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
@@ -95,19 +95,19 @@ def load_scene(model, request, messages, files_read=None, read=None) -> Loaded:
 
 def _read(model, request, messages, files_read, read) -> SceneFile:
     """Read a model, unless `read` is it; say what is noted of its camera and its upward axis."""
-    look, is_own = request.look, request.viewpoint.of_file == "file"
+    appearance, is_own = request.appearance, request.viewpoint.of_file == "file"
     if read is None:
-        source = source_of(model, look.format)
+        source = source_of(model, appearance.format)
         log = messages.detail if messages.level >= VERBOSE else None
-        read = read_source(source, camera="file", **look.reading, log=log, files_read=files_read)
-    entry, scene = formats.find(look.format or Path(model).suffix), read.scene
+        read = read_source(source, camera="file", **appearance.reading, log=log, files_read=files_read)
+    entry, scene = formats.find(appearance.format or Path(model).suffix), read.scene
     if entry is not None and entry.is_scene:
         is_dropped = request.is_up_given and not is_own  # another view is meant
     else:
         is_dropped = scene.camera is not None and not is_own
         if is_dropped:
             messages.notice(f"{model}: the file has a camera; the model is framed, --camera file looks through it")
-        doubt = doubt_of_up(scene, model, look.format) if look.up is None else None
+        doubt = doubt_of_up(scene, model, appearance.format) if appearance.up is None else None
         if doubt is not None:
             messages.notice(f"{model}: {doubt[1]}: try --up {doubt[0]}, or auto to follow the shape")
     return read._replace(scene=replace(scene, camera=None)) if is_dropped else read

@@ -174,7 +174,7 @@ def _fill(template, model, view, frame, arrays, request) -> str:
     is_stdin = model == STDIO
     values = {
         "stem": "stdin" if is_stdin else path.stem or "model",  # "." is no model, which is said when it is loaded
-        "ext": request.look.format if is_stdin else path.suffix.lstrip("."),
+        "ext": request.appearance.format if is_stdin else path.suffix.lstrip("."),
         "folder": _folder_below(model, request) or os.curdir,
         "view": view or ("view" if request.viewpoint.eye is None else "eye"),
     }
@@ -227,7 +227,7 @@ def _check_places(targets, models, request) -> None:
             raise OutputError(f"can't write {target.output}: {folder} is no folder")
         if identity in read:
             if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
-                formats.format_of(read[identity], request.look.format)
+                formats.format_of(read[identity], request.appearance.format)
             refuse_inputs([target.output], read)
 
 

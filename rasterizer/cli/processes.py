@@ -32,6 +32,7 @@ class Shot(RenderTask):
     """Say which files show one view of a model; what they hold was checked with the arguments."""
 
     targets: tuple[Target, ...] = ()
+    files_named: tuple[str, ...] = ()
 
     def files(self, options: Options) -> dict[str, tuple[str, ...]]:
         """Return the names of the arrays that each file holds, as those of any task."""
@@ -89,7 +90,7 @@ def draw_in_processes(
 
 def shots_of(request, plan) -> list[Shot]:
     """Return the tasks of a plan, in its order."""
-    reading = request.look.reading | {"camera": "file"}
+    reading = request.appearance.reading | {"camera": "file"}
     return [_shot_of(of_view, request, reading) for targets in plan for of_view in by_view(targets)]
 
 
@@ -98,7 +99,7 @@ def _shot_of(targets, request, reading) -> Shot:
     view = first.view if seed_of(first.view) is None else RANDOM
     return Shot(
         first.model, first.output, view, options=request.options, load=reading, scale=request.files.scale,
-        seed=first.seed, targets=tuple(targets),
+        seed=first.seed, targets=tuple(targets), files_named=request.read,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ..choices import RANDOM
 from ..errors import counted
 from ..options import Options
-from .flags import add_arrays, add_camera, add_look, add_models, add_output, add_processes
+from .flags import add_appearance, add_arrays, add_camera, add_models, add_output, add_processes
 
 if TYPE_CHECKING:
     from ..frame import Frame
@@ -41,7 +41,7 @@ def add_flags(parser) -> None:
     add_output(parser, "{stem}", Options.size, has_arrays=True)
     add_arrays(parser)
     add_camera(parser, has_seed=True)
-    add_processes(add_look(parser))
+    add_processes(add_appearance(parser))
 
 
 def run(request, messages) -> tuple[list, int]:
@@ -86,7 +86,7 @@ def render_view(targets, renderer, loaded, asked, messages, output, start) -> "F
     model, request, lights = targets[0].model, loaded.request, nullcontext(renderer)
     options = request.options
     if request.seed_of_lights is not None:
-        lights = _in_lights(renderer, targets[0], loaded, asked.look.preset)
+        lights = _in_lights(renderer, targets[0], loaded, asked.appearance.preset)
     with lights as lit:
         camera = request.camera_of(targets[0].view, loaded.scene, lambda: lit.subject)
         frame, scene = lit.render(camera), lit.scene
@@ -101,7 +101,7 @@ def render_view(targets, renderer, loaded, asked, messages, output, start) -> "F
         output.results.tell(target.output, frame.size, len(contents[target.output]), seconds)
         if messages.level >= VERBOSE:
             messages.detail(f"{model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
-            messages.detail(f"{model}: {_describe_look(scene, camera, options)}")
+            messages.detail(f"{model}: {_describe_appearance(scene, camera, options)}")
             messages.detail(f"{model}: {describe_bounds(frame.stats)}")
             messages.explain(f"{model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
         if request.is_json:
@@ -113,17 +113,17 @@ def render_view(targets, renderer, loaded, asked, messages, output, start) -> "F
 @contextmanager
 def _in_lights(renderer, target, loaded, preset):
     """Yield another Renderer, which draws a view in random lights of its own, and those of a preset that flags name."""
-    from ..look import Look
+    from ..appearance import Appearance
     from ..scene.lights import random_lights
 
     lights, request, options = random_lights(target.seed, up=loaded.scene.up), loaded.request, renderer.options
-    look = Look(lights=lights, preset=preset, shadows=request.look.shadows)
-    scene = look.change(loaded.scene, options.shading, options.ground, request.shadow_fields)
+    appearance = Appearance(lights=lights, preset=preset, shadows=request.appearance.shadows)
+    scene = appearance.change(loaded.scene, options.shading, options.ground, request.shadow_fields)
     with renderer.in_lights(scene.lights) as lit:
         yield lit
 
 
-def _describe_look(scene, camera, options) -> str:
+def _describe_appearance(scene, camera, options) -> str:
     """Say in a line how a scene is shown."""
     from ..scene.lights import light_type_of
 

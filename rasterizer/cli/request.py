@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..appearance import TEXTURES, Appearance
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
 from ..errors import ModelError, SceneError, cut, named_in_errors
 from ..io.array_files import read_npy
 from ..io.loader import SceneFile
-from ..look import Look
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
@@ -87,7 +87,7 @@ class Request:
     is_recursive: bool = False
     options: Options
     of_file: frozenset[str]  # names of the options that a scene file decides
-    look: Look
+    appearance: Appearance
     shadow_fields: Mapping[str, int]  # fields of Shadow to replace, of lights that cast one
     is_compared: bool  # shading is what a command compares, no option
     viewpoint: Viewpoint  # but for the view
@@ -105,11 +105,11 @@ class Request:
 
     def over(self, file: SceneFile) -> "Request":
         """Return what is asked for of a file: what it says itself, changed by what the flags say."""
-        if not file.options and file.look is file.framing is None:
+        if not file.options and file.appearance is file.framing is None:
             return self
         own = {name: value for name, value in file.options.items() if name in self.of_file}
         options = replace(self.options, **own) if own else self.options
-        return replace(self, options=options, look=self.look.over(file.look), framing=file.framing)
+        return replace(self, options=options, appearance=self.appearance.over(file.appearance), framing=file.framing)
 
     def at(self, view: str | None) -> Viewpoint:
         """Return where a view is taken from, by its name."""
@@ -178,7 +178,7 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
         is_recursive=take("recursive", False),
         options=options,
         of_file=frozenset(of_file),
-        look=_make_look(words, materials),
+        appearance=_make_appearance(words, materials),
         shadow_fields={} if has_shadows else shadow_fields,
         is_compared=is_compared,
         viewpoint=_make_viewpoint(view_words, views, up, options.size),
@@ -231,7 +231,7 @@ def _expanded(names: Iterable[str] | None) -> tuple[str, ...] | None:
 def _files_named(materials: list[dict[str, Any]], camera: str | None, scalars: str | None) -> Iterable[str]:
     """Yield the files that flags name for reading."""
     for given in materials:
-        yield from (given[name] for name in ("texture", "metallic_roughness") if given.get(name))
+        yield from (given[name] for name in TEXTURES if given.get(name))
     if camera not in (None, "file", "frame"):
         yield camera
     if suffix_of(scalars) == "npy":
@@ -251,8 +251,8 @@ def _read_array(path: str) -> Any:
 # --- how it looks, and where from -------------------------------------------------------------------------------------
 
 
-def _make_look(words: dict[str, Any], materials: list[dict[str, Any]]) -> Look:
-    """Make the Look; of materials the later fields count."""
+def _make_appearance(words: dict[str, Any], materials: list[dict[str, Any]]) -> Appearance:
+    """Make the Appearance; of materials the later fields count."""
     if words.get("background") not in (None, "transparent"):
         linear_rgb(words["background"], "--background")
     material, reflection = {}, words.get("reflection")
@@ -263,14 +263,14 @@ def _make_look(words: dict[str, Any], materials: list[dict[str, Any]]) -> Look:
         if word is not None and word not in REFLECTION_MODELS:
             raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
     if not material:
-        return Look(**words)
+        return Appearance(**words)
     with named_in_errors("--material"):
-        fields_of_material = Look(material=material, reflection=reflection).material
-    return Look(**words | {"material": fields_of_material})
+        fields_of_material = Appearance(material=material, reflection=reflection).material
+    return Appearance(**words | {"material": fields_of_material})
 
 
 def _depth_cue(given: Any) -> Any:
-    """Return what Look takes for --depth-cue."""
+    """Return what Appearance takes for --depth-cue."""
     if given is None:
         return "none"
     with named_in_errors("--depth-cue"):

@@ -12,7 +12,7 @@ from time import perf_counter
 
 from ..errors import SceneError
 from . import values
-from .flags import add_camera, add_look, add_models, add_output
+from .flags import add_appearance, add_camera, add_models, add_output
 from .messages import STDIO, Bar, Failures, Results, compilation_shown
 
 IMPORTS = ("drawing",)
@@ -44,7 +44,7 @@ def add_flags(parser) -> None:
     add("--gap", type=values.whole, default=8, metavar="N", help="pixels between pictures (default 8)")
     add("--no-labels", dest="has_labels", action="store_false", help="without names below the pictures")
     add_camera(parser)
-    add_look(parser)
+    add_appearance(parser)
 
 
 def run(request, messages, *, columns, rows, gap, has_labels) -> tuple[list, int]:
@@ -89,7 +89,7 @@ def run(request, messages, *, columns, rows, gap, has_labels) -> tuple[list, int
             if columns is None and len(plan) > 1 and len(plan[0]) > 1:
                 columns = len(plan[0])
             columns = columns if rows is None else -(-len(pictures) // rows)
-            background = None if request.look.background == "transparent" else request.look.background
+            background = None if request.appearance.background == "transparent" else request.appearance.background
             image = sheet(pictures, columns, gap, background, labels if has_labels else None)
             content = encode_sheet(image, plan[0][0].output)
             outputs.write({plan[0][0].output: content})

@@ -14,7 +14,7 @@ from time import perf_counter
 from ..errors import SceneError, counted
 from ..locks import cached_property
 from . import values
-from .flags import add_camera, add_look, add_models, add_output
+from .flags import add_appearance, add_camera, add_models, add_output
 from .messages import STDIO, Bar
 
 IMPORTS = ("drawing",)
@@ -55,7 +55,7 @@ def add_flags(parser) -> None:
         help="degrees of the round; with a minus sign it goes the other way (default 360)")  # fmt: skip
     add("--loop", type=values.whole, default=0, metavar="N", help="how often it is played (default 0: again and again)")
     add_camera(parser, False, "at the first frame", "frame = show all of the model in every frame (default)")
-    add_look(parser)
+    add_appearance(parser)
 
 
 def run(request, messages, *, frames, seconds, fps, turn, loop) -> tuple[list, int]:
@@ -115,7 +115,7 @@ def _cameras(angles, model, loaded, subject) -> list:
     from ..io import formats
 
     request = loaded.request
-    entry = formats.find(request.look.format or Path(model).suffix)
+    entry = formats.find(request.appearance.format or Path(model).suffix)
     has_target = entry is not None and entry.is_scene
     return request.at(None).cameras_round(angles, loaded.scene, request.options.size, subject, has_target=has_target)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..errors import SceneError
 from . import values
-from .flags import add_camera, add_look, add_messages, add_models
+from .flags import add_appearance, add_camera, add_messages, add_models
 from .messages import compilation_shown, print_text
 
 IMPORTS = ("drawing",)
@@ -36,7 +36,7 @@ def add_flags(parser) -> None:
         help="where the page is served (default: one that is free)")  # fmt: skip
     add_messages(page)
     add_camera(parser)
-    add_look(parser)
+    add_appearance(parser)
 
 
 def run(request, messages, *, is_opened, is_once, port) -> tuple[list, int]:

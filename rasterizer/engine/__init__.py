@@ -14,7 +14,7 @@ What is known before the first stage, in the order in which it is made:
     points              all meshes of a scene as one set of arrays: what pictures are drawn from
     recorded_kernels    the kernels that pictures call, each with its signature: what is compiled ahead
     depth_range         depths that are seen or clipped, and the z-buffer fitted to them
-    uniforms            the plan as arrays: lights and materials for one view, what entries and records hold
+    uniforms            the plan as arrays: lights and materials for one view, what packed samples and setups hold
     lit_points          light of vertices and centroids, where that is what is interpolated
     shadow_maps         pictures of the scene as the lights see it
 

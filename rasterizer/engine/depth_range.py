@@ -148,7 +148,7 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=N
 
 
 def scale_depths(screen: Screen) -> DepthScale:
-    """Say what the z of an entry means in one view."""
+    """Say what the z of a packed sample means in one view."""
     has_range = screen.z_scale != 0
     inverse = 1.0 / screen.z_scale if has_range else 0.0
     line = (-screen.z_offset * inverse, inverse)

@@ -13,10 +13,10 @@ A material is lit in float32 where all of this holds, else in float64:
     intensities                 finite                      a light that amplifies without limit has no bound
     lengths                     2^-40 to 2^60               squares of others lose their digits
     furthest / nearest depth    2^22 at most                what depths lose of float64 must be less than a float32 does
-    depth cue                   fades what entries say of   a quarter of the tolerance is for that: `is_far`
+    depth cue                   fades what z says of        a quarter of the tolerance is for that: `is_far`
                                 depth by little
     shadows                     a point moves by 1/8 texel  else they show other shadows (shadow_maps.py)
-    roundings                   half of the tolerance       see below; the other half is for planes and entries
+    roundings                   half of the tolerance       see below; the other half is for planes and packed samples
 
 What rounding adds to an intensity is 2^-24 times the sum of
 
@@ -63,7 +63,7 @@ ROUNDED = 6e-7  # how far float64 may be off before it becomes float32, where EX
 MAX_LIGHT = 1024.0  # and the brightest that light may be without highlights
 MAX_DEPTHS = 2.0**22  # furthest over nearest depth that float32 takes
 MAX_FADING = 1.0 / 4.0  # share of the tolerance that a depth cue may be off by
-SHARES = 1 / 8, 1 / 4, 1 / 2  # of the tolerance, which rounding may take; planes and entries have the rest
+SHARES = 1 / 8, 1 / 4, 1 / 2  # of the tolerance, which rounding may take; planes and packed samples have the rest
 NEAREST = 2.0**-10  # a light nearer to a surface than this share of the distance from the eye counts as on it
 SHORT_NORMAL = 1 / 8  # an interpolated normal that is shorter counts as none
 TEXEL_BORDER = 2.0**-18  # texels: a 2^-32nd of the largest picture, what texture coordinates are rounded to
@@ -249,9 +249,9 @@ def is_far(plan: Any, reach: Reach, screen: Screen) -> bool:
     Plan."""
     cue, is_fading, (furthest, nearness, *_) = plan.cue, False, reach
     if cue is not None and screen.z_scale != 0.0:
-        # How far off the share may be that the cue leaves of an intensity, where depths are those of entries. Without
-        # perspective these err by half a unit of the z-buffer for each step from a triangle's first sample, along both
-        # axes, and by DEPTH_PLANE_ROUNDING; over the cue's scale that is a change of the share.
+        # How far off the share may be that the cue leaves of an intensity, where depths are those of packed samples.
+        # Without perspective these err by half a unit of the z-buffer for each step from a triangle's first sample,
+        # along both axes, and by DEPTH_PLANE_ROUNDING; over the cue's scale that is a change of the share.
         fading = DEPTH_ERROR * (0.25 + max(cue.start, 0.0) / cue.scale)
         if not screen.is_perspective:
             n_step = 0.5 * plan.options.factor * sum(plan.options.size)

@@ -21,16 +21,16 @@ from ..pipeline.clip import clip
 from ..pipeline.cull import Band, BandLists, Grid, find_visible, join_lists, sort_into_bands
 from ..pipeline.scan import make_deferred
 from ..pipeline.transform import Drawables, Triangles, Vertices, transform
-from ..pipeline.visibility import MAX_RECORDS
+from ..pipeline.visibility import MAX_SETUPS
 from ..pipeline.workspace import WorkspacePool, WorkspaceShape
 from .passes import Drawn, Pass
 from .plan import PathCounts
 from .transparency import Task, draw_transparent_band
 
-BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
+BAND_SAMPLES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 FACE_TIME = 40  # nanoseconds of a triangle, roughly, from scan on: every other one is hidden
 MIN_THREADED_TIME = 400_000  # of bands that are drawn on several threads: four times what waking one takes
-MAX_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
+MAX_FACES = 2**31 - 1  # setups hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
 
 
@@ -75,7 +75,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
 
-    Raises SceneError where the scene has more triangles than records can number.
+    Raises SceneError where the scene has more triangles than setups can number.
     """
     vertices, n_outside = transform(geometry.positions, screen, threads)
     clock.lap("transform")
@@ -122,7 +122,7 @@ def draw_band(
 
     Returns how many samples are covered, and triangles by the path that their attributes took, as `PathCounts`.
     """
-    workspace = workspaces.acquire(shape, len(band.faces) * render_pass.units_per_record)
+    workspace = workspaces.acquire(shape, len(band.faces) * render_pass.units_per_setup)
 
     # Scan: the nearest opaque triangle of each sample goes into the visibility buffer, transparent ones are deferred.
     deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
@@ -148,7 +148,7 @@ def draw_band(
 def cull(triangles: Triangles, vertices: Vertices, render_pass: Pass, threads) -> tuple[BandLists, int]:
     """Find the triangles that may touch a sample, sorted into bands.
 
-    No band may have more triangles than there are record numbers: where one would, bands are made less high.
+    No band may have more triangles than there are setup numbers: where one would, bands are made less high.
 
     Returns the lists of the triangles, and the number of rows of samples in a band.
     """
@@ -165,11 +165,11 @@ def cull(triangles: Triangles, vertices: Vertices, render_pass: Pass, threads) -
         parts = find_visible(triangles.vertex_idx, vertices, grid, hidden_sides, threads, sort_into_bands)
         lists = join_lists(parts)
         n_max = int(np.diff(lists.starts).max(initial=0))
-        if n_max * render_pass.units_per_record <= MAX_RECORDS:
+        if n_max * render_pass.units_per_setup <= MAX_SETUPS:
             return lists, n_row
         if n_row == factor:
             raise SceneError(
-                f"{n_max} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.units_per_record}: "
+                f"{n_max} polygons meet one row of pixels; legal are {MAX_SETUPS // render_pass.units_per_setup}: "
                 "draw a larger picture"
             )
         n_row = max(factor, n_row // 2 // factor * factor)
@@ -184,7 +184,7 @@ def is_mostly_clear(material, is_opaque) -> bool:
 def choose_band_rows(width, height, n_thread, factor) -> int:
     """Choose the height of a band in rows of samples, a multiple of `factor`: its visibility buffer fits the L2 cache,
     and there are two bands for each thread at least: each costs its thread some time in Python, where others wait."""
-    n_row = max(8, BAND_ENTRIES // width)
+    n_row = max(8, BAND_SAMPLES // width)
     if n_thread > 1:
         n_row = min(n_row, max(16, -(-height // (2 * n_thread))))
     return max(1, min(n_row, height) // factor) * factor

@@ -23,7 +23,6 @@ from ..pipeline.gradients import DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, SING
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import shade_lit
-from ..pipeline.records import max_units
 from ..pipeline.resolve import Encoding, Picture, SampleGrid, make_grid, resolve
 from ..pipeline.scan import Deferred, ScanCounts, scan, scan_index
 from ..pipeline.setup import DepthScale
@@ -31,6 +30,7 @@ from ..pipeline.shade import fade, shade_interpolated
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texturing import Texturing, shade_textured
 from ..pipeline.transform import Drawables, Screen
+from ..pipeline.triangle_setups import max_units
 from ..pipeline.workspace import Workspace
 from .buffers import BUFFER_TABLE
 from .plan import Plan
@@ -72,7 +72,7 @@ class Pass:
     dtype: np.dtype = field(default=np.dtype(np.float32), init=False)  # of the intensities
     is_textured: bool = field(default=False, init=False)
     opacity: Opacity | None = field(default=None, init=False)  # None where all is opaque
-    units_per_record: int = field(default=1, init=False)  # at most; without records, numbers that an entry holds
+    units_per_setup: int = field(default=1, init=False)  # at most; without setups, numbers that a packed sample holds
     sample_time: int = field(default=4, init=False)  # nanoseconds of a sample, roughly, beside its triangles
 
     keeps_planes: ClassVar[bool] = True  # faces are drawn in their own planes, see pipeline/transform.py
@@ -135,7 +135,7 @@ class ColorPass(Pass):
         """
         plan = self.plan
         self.n_channel, self.dtype, self.opacity = plan.n_channel, plan.dtype, plan.opacity
-        self.is_textured, self.units_per_record = plan.textures is not None, max_units(self.coding)
+        self.is_textured, self.units_per_setup = plan.textures is not None, max_units(self.coding)
         self.grid = make_grid(self.factor)
         is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
         is_same |= bool((plan.tint == 1.0).all())
@@ -145,9 +145,9 @@ class ColorPass(Pass):
         self.sample_time = 4 + of_light + 12 * self.is_textured + 8 * (self.opacity is not None)
 
     def scan(self, workspace, band, drawn, deferred):
-        """As that of `Pass`, with records."""
+        """As that of `Pass`, with setups."""
         return scan(
-            band, drawn.drawables, self.coding, workspace.block, workspace.visibility, workspace.records, deferred
+            band, drawn.drawables, self.coding, workspace.block, workspace.visibility, workspace.setups, deferred
         )
 
     def n_channel_of(self, counts: ScanCounts) -> int:
@@ -161,7 +161,7 @@ class ColorPass(Pass):
         the illumination equation is evaluated at every sample, those of float32 first, see `shade_lit`.
         """
         plan, batches = self.plan, (workspace.batch, workspace.double_batch)
-        scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
+        scanned = ScannedBand(workspace.visibility, workspace.setups, self.coding, counts, band.y_start, band.n_row)
         radiance, texturing = workspace.radiance[: self.n_channel_of(counts)], None
         if self.is_textured:
             texturing = Texturing(plan.textures, plan.metals, workspace.lookup_batch, batches[1], workspace.alphas)

@@ -21,7 +21,7 @@ from ..pipeline import gradients as g
 from ..pipeline.a_buffer import Opacity, min_transmittance
 from ..pipeline.shade import Cue
 from ..pipeline.textures import Textures
-from ..pipeline.visibility import LEVEL_MASK
+from ..pipeline.visibility import INTENSITY_MASK
 from . import domains
 from .domains import Intensities
 from .scene_tables import SceneTables, common_direction
@@ -59,7 +59,7 @@ class Plan(NamedTuple):
     is_lit_per_sample: bool  # by Phong's method
     n_channel: int  # the most that any material needs
     tint: NDArray[np.float32]  # (3,): the colour of what has one channel
-    level_scale: float  # levels a unit of intensity
+    intensity_scale: float  # intensity steps a unit
     bound: float  # the largest intensity that any point can have
     needs_position: bool  # lighting reads the positions of points
     has_tangents: bool  # some material is brushed along u
@@ -135,7 +135,7 @@ def make_plan(
         is_lit_per_sample=options.shading == "phong",
         n_channel=n_channel,
         tint=tint,
-        level_scale=(int(LEVEL_MASK) - 1) / max_level if 0.0 < max_level < np.inf else 1.0,
+        intensity_scale=(int(INTENSITY_MASK) - 1) / max_level if 0.0 < max_level < np.inf else 1.0,
         bound=bound,
         needs_position=needs_position,
         has_tangents=has_tangents,
@@ -179,7 +179,7 @@ def list_needs(
     """Find out what each material needs in any view, but for what its type decides: see `Plan.with_shares`.
 
     No error of texture coordinates is small enough next to the border of texels that are not blended, and of alpha, as
-    it weights all that is behind, once for each layer: so such materials have exact records.
+    it weights all that is behind, once for each layer: so such materials have exact setups.
     """
     is_phong, tolerance = options.shading == "phong", options.tolerance
     angles = tolerance / 4 / np.maximum(intensities.slopes, 1e-30)
@@ -199,7 +199,7 @@ def list_needs(
     reasons: list[tuple[str, ...]] = []
     for k, material in enumerate(tables.materials):
         if not is_phong and material.is_opaque and not is_colored[k]:
-            paths[k] = g.IN_ENTRIES
+            paths[k] = g.IN_PACKED
         if not material.is_opaque:
             features[k] += g.IS_TRANSPARENT if material.opacity > 0.0 else g.IS_INVISIBLE
         if material.texture is not None and (material.texture.filter == "nearest" or material.texture.has_alpha):
@@ -223,12 +223,12 @@ class PathCounts(NamedTuple):
 
     Parameters
     ----------
-    entries : those with intensities in the entries of the visibility buffer
-    planes : those with records of planes
-    exact : those with exact records
+    packed : those with intensities in the packed samples of the visibility buffer
+    planes : those with setups of planes
+    exact : those with exact setups
     """
 
-    entries: int
+    packed: int
     planes: int
     exact: int
 
@@ -277,8 +277,8 @@ class PlanSummary(NamedTuple):
         if self.left_out:
             lines.append(f"left out: {counted(self.left_out, 'light')} that no surface shows")
         if self.paths is not None:
-            entries, planes, exact = self.paths
-            counts = f"{entries} by entries, {planes} by planes, {exact} by exact records"
+            packed, planes, exact = self.paths
+            counts = f"{packed} by packed samples, {planes} by planes, {exact} by exact setups"
             lines.append(f"triangles in their bands: {counts}")
         return "\n".join(lines)
 
@@ -294,9 +294,9 @@ def summarize(plan: Plan) -> PlanSummary:
         "spectra": tables.products is not None,
         "tangents": plan.has_tangents,
     }
-    path = "exact records"
-    if (table.paths == g.IN_ENTRIES).any():
-        path = "one intensity in each visibility entry"
+    path = "exact setups"
+    if (table.paths == g.IN_PACKED).any():
+        path = "one intensity in each packed sample"
     elif (table.paths == g.IN_PLANES).any():
         path = "planes of the normals" if plan.is_lit_per_sample else "planes of the intensities"
     return PlanSummary(

@@ -12,8 +12,8 @@ import numpy as np
 from ..options import Options
 from ..pipeline import setup as s
 from ..pipeline.cull import Band
-from ..pipeline.records import make_records
 from ..pipeline.scan import make_deferred, scan
+from ..pipeline.triangle_setups import make_triangle_setups
 from ..pipeline.visibility import CLEAR, PAYLOAD_BITS, make_extents, make_visibility_buffer
 from ..pipeline.workspace import make_picture
 from ..scene.camera import Camera
@@ -71,8 +71,8 @@ class _Probe(ColorPass):
     def scan(self, workspace, band, drawn, deferred):
         """Scan as for the picture; say how the sample was drawn."""
         counts, (x, y) = super().scan(workspace, band, drawn, deferred), self.sample
-        entry = workspace.visibility.entries[(y - band.y_start) * workspace.visibility.pitch + x]
-        if entry < CLEAR:
+        packed = workspace.visibility.packed[(y - band.y_start) * workspace.visibility.pitch + x]
+        if packed < CLEAR:
             self.found.append(self._path_of(drawn.drawables, band.faces, workspace.block))
         return counts
 
@@ -89,23 +89,23 @@ class _Probe(ColorPass):
         """Scan some triangles alone; return how deep the nearest is at the sample."""
         (x, y), coding = self.sample, self.coding
         visibility = make_visibility_buffer(self.n_sample[0], 1)
-        records = make_records(max(1, len(faces) * self.units_per_record), self.attributes.shape[2])
+        setups = make_triangle_setups(max(1, len(faces) * self.units_per_setup), self.attributes.shape[2])
         deferred = make_deferred(len(faces), make_extents(1)) if self.opacity is not None else None
-        scan(Band(faces, y, y + 1), drawables, coding, block, visibility, records, deferred)
-        return int(visibility.entries[x] >> PAYLOAD_BITS)
+        scan(Band(faces, y, y + 1), drawables, coding, block, visibility, setups, deferred)
+        return int(visibility.packed[x] >> PAYLOAD_BITS)
 
 
 def describe_path(block, column: int, of_normals: bool) -> str:
     """Say how the attributes of the first triangle of a block reach the sample in a column."""
     ints, what = block.ints, "normals" if of_normals else "intensities"
     piece = int(ints[s.PIECE])
-    if ints[s.HAS_LEVELS] and piece > 1:
+    if ints[s.HAS_INTENSITY] and piece > 1:
         first = column // piece * piece
         return (
             f"incremental: I += ΔI·Δv between columns {first} and {first + piece} of the samples, where the "
             "intensity is that of perspective"
         )
-    if ints[s.HAS_LEVELS]:
+    if ints[s.HAS_INTENSITY]:
         return "perspective, by a division a sample" if piece == 1 else "incremental: I += ΔI·Δv over the triangle"
     if ints[s.HAS_PLANES]:
         return f"planes of the {what}" + (" over w" if of_normals or ints[s.IS_WEIGHTED] else "")

@@ -243,7 +243,7 @@ class ShadowMap(NamedTuple):
         """Write what depends on the view: the origin relative to the eye, as the positions of surface points are, and
         how far the normals of the materials that are lit in the map's type may be turned.
 
-        A normal errs by no more than normal_limit allows its planes, or than exact records do; normalising it, and its
+        A normal errs by no more than normal_limit allows its planes, or than exact setups do; normalising it, and its
         products with the axes of the map and with the position, by 8 u.
         """
         limits, u = plan.of_materials.normal_limits[~plan.of_materials.is_double], _unit(self.block.dtype)

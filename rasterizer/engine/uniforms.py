@@ -1,5 +1,5 @@
-"""The plan as arrays that kernels read: lights and materials (pipeline/lighting.py), and how entries, records and bytes
-hold what is interpolated."""
+"""The plan as arrays that kernels read: lights and materials (pipeline/lighting.py), and how packed samples, setups and
+bytes hold what is interpolated."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,24 +143,24 @@ def color_lights(plan: Plan) -> NDArray[np.float64]:
     return whole.reshape(*whole.shape[:2], 12)
 
 
-# ---------------------------------------------------------------- how entries, records and bytes hold the rest
+# ---------------------------------------------------------------- how packed samples, setups and bytes hold the rest
 
 
 def make_coding(plan: Plan) -> Coding:
-    """Say what entries and records hold, but for depths, which each view has of its own: `scale_depths`.
+    """Say what packed samples and setups hold, but for depths, which each view has of its own: `scale_depths`.
 
-    A coding says which materials have attributes in entries, in planes or in exact records, and how far each may be
-    off. What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given
-    with the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle bends
-    them by more they have weights, and err by next to nothing. Texture coordinates aren't rounded to float32: large
-    pictures need many digits of them.
+    A coding says which materials have attributes in packed samples, in planes or in exact setups, and how far each may
+    be off. What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are
+    given with the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle
+    bends them by more they have weights, and err by next to nothing. Texture coordinates aren't rounded to float32:
+    large pictures need many digits of them.
     """
     of_materials, tolerance, has_cue = plan.of_materials, plan.options.tolerance, plan.cue is not None
     reads_double = of_materials.is_double | plan.tables.has_texture
     rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
-    level_scale = 0.0 if plan.is_lit_per_sample else float(plan.level_scale)
+    intensity_scale = 0.0 if plan.is_lit_per_sample else float(plan.intensity_scale)
     if of_materials.is_double.all():
-        return Coding(*rows, np.zeros(len(reads_double)), level_scale, 0.0, False, None, NO_DEPTHS, is_exact=True)
+        return Coding(*rows, np.zeros(len(reads_double)), intensity_scale, 0.0, False, None, NO_DEPTHS, is_exact=True)
     left = tolerance * (1.0 - np.where(of_materials.is_double, 1.0, of_materials.shares))
     if plan.is_lit_per_sample:
         has_albedo = (of_materials.features & HAS_ALBEDO) != 0
@@ -170,7 +170,7 @@ def make_coding(plan: Plan) -> Coding:
         limits, of_textures = np.where(plan.tables.has_texture, left / 4, left), left * 3 / 4
         rest = 0.0, has_cue
     textures = None if plan.textures is None else code_textures(plan, of_textures)
-    return Coding(*rows, limits, level_scale, *rest, textures, NO_DEPTHS, is_exact=False)
+    return Coding(*rows, limits, intensity_scale, *rest, textures, NO_DEPTHS, is_exact=False)
 
 
 def code_textures(plan: Plan, limits: NDArray[np.float64]) -> TextureCoding | None:

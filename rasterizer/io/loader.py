@@ -52,7 +52,7 @@ from .model_file import (
 )
 
 if TYPE_CHECKING:
-    from ..look import Look
+    from ..appearance import Appearance
     from ..viewpoint import Viewpoint
 
 FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
@@ -66,18 +66,18 @@ class SceneFile(NamedTuple):
     scene : Scene; without a camera where the file asks for framing
     options : dict of options of a picture by name, not checked; once they are, Options
     framing : Viewpoint, or None where the file has a camera or none at all
-    look : Look, what the file says of how its scene is changed, or None; `scene` isn't changed yet
+    appearance : Appearance, what the file says of how its scene is changed, or None; `scene` isn't changed yet
     """
 
     scene: Scene
     options: Any = {}
     framing: Viewpoint | None = None
-    look: Look | None = None
+    appearance: Appearance | None = None
 
     def finished_scene(self) -> Scene:
         """Return the scene as the file says that it looks, with a camera where it asks for framing: for a picture of
         the file's size, else of 4:3."""
-        scene = self.scene if self.look is None else self.look.change(self.scene)
+        scene = self.scene if self.appearance is None else self.appearance.change(self.scene)
         if self.framing is None:
             return scene
         size = self.options.get("size", (4, 3))
@@ -236,8 +236,8 @@ def _read(
         )
         if settings:
             read = read._replace(scene=replace(read.scene, **settings))
-        if "lights" in settings and read.look is not None:
-            read = read._replace(look=replace(read.look, lights=None, preset=None))
+        if "lights" in settings and read.appearance is not None:
+            read = read._replace(appearance=replace(read.appearance, lights=None, preset=None))
         return read if camera is None else read._replace(framing=None)
 
 

@@ -11,8 +11,8 @@
     background  colour      up  axis      options  those of a picture, as `Options` names them
     depth_cue   a number, or {scale, start, color}
     preset shadows material color reflection crease_angle weighting subdivide drop_bad_faces scalars cmap clim
-                of all meshes and lights: the words of `Look`, with the meanings that `render` and the command line give
-                them. How a mesh says itself that it is read comes first
+                of all meshes and lights: the words of `Appearance`, with the meanings that `render` and the command
+                line give them. How a mesh says itself that it is read comes first
 
 A table is the fields of a dataclass, which checks them itself; errors name the tables round a fault. Names of files
 are relative to the folder of the scene file; which are read is said in `files.py`. `scene_file_write` writes what is
@@ -32,8 +32,8 @@ from typing import Any
 
 import numpy as np
 
+from ..appearance import TEXTURES, Appearance
 from ..errors import ModelError, SceneError, cut, faults_of, named_in_errors, one_file, shown
-from ..look import Look
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.framing import rotation
@@ -55,17 +55,16 @@ from .model_file import Limits, MeshSettings, bytes_of_copy, most
 MAX_JSON = 2**26  # bytes, whose tables take some 2 GB
 MAX_PIXELS = 2**26  # of a picture: 8192 x 8192
 MAX_CUT_FACES = 2**21  # of meshes that are subdivided, or one for each byte that was read
-# The words of Look that are more than what a Scene has.
-LOOK = (
+# The words of Appearance that are more than what a Scene has.
+APPEARANCE = (
     "preset", "shadows", "material", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
     "scalars", "cmap", "clim",
 )  # fmt: skip
-KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options", *LOOK)
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options", *APPEARANCE)
 # Of meshes, in the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
 _OF_MESH = ("transform", "name", "crease_angle", "weighting", "drop_bad_faces", "scalars", "material", "materials")
-TEXTURES = ("texture", "metallic_roughness")
 # Tables within a table of fields; those of all other fields are spectra.
 _TABLES: dict[str, Any] = {"shadow": Shadow, "shadows": Shadow, "depth_cue": DepthCue}
 # The words of Viewpoint but `camera`; the last as ortho.
@@ -290,9 +289,9 @@ class _Reader:
         for key, value in _named(top, "materials"):
             with named_in_errors(f"materials.{cut(key, 80)}"):
                 self.materials[key] = self._material(value, key)
-        words = {key: self._word(key, top[key]) for key in LOOK if top.get(key) is not None}
+        words = {key: self._word(key, top[key]) for key in APPEARANCE if top.get(key) is not None}
         lights = {"lights": _read_lights(top["lights"])} if "lights" in top else {}
-        look = Look(**words, **lights if "preset" in words else {}) if words else None
+        appearance = Appearance(**words, **lights if "preset" in words else {}) if words else None
         self.own = MeshSettings(*map(words.get, ("crease_angle", "weighting", "drop_bad_faces")))
         self.scalars = {key: words[key] for key in ("scalars", "cmap", "clim") if key in words}
         meshes, up = self._meshes(top["meshes"])
@@ -311,10 +310,10 @@ class _Reader:
             if framing is not None:
                 framing.camera_of(scene, (4, 3), lambda: scene.meshes[0])
         with named_in_errors("options"):
-            return SceneFile(scene, _read_options(top.get("options", {})), framing, look)
+            return SceneFile(scene, _read_options(top.get("options", {})), framing, appearance)
 
     def _word(self, key: str, value: Any) -> Any:
-        """Return a word of Look, checked, as that takes it."""
+        """Return a word of Appearance, checked, as that takes it."""
         with named_in_errors(key):
             if key == "material" and isinstance(value, dict):
                 value = self._material_fields(value)
@@ -322,7 +321,7 @@ class _Reader:
                 value = self.materials.get(value, value)
         value = _field(key, value)
         with named_in_errors(key):
-            Look(**{key: value})
+            Appearance(**{key: value})
         return value
 
     def _check_faces(self, n_face: int, times: int) -> None:

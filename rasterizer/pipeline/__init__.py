@@ -5,9 +5,9 @@
     cull                stages 3 and 4: triangles that can cover a sample, sorted into bands of rows
     setup               stage 5: boxes, slopes and planes of depth, 64 triangles side by side
     gradients           the same of what is interpolated, and whether it is good enough
-    visibility          the visibility buffer: an entry for each sample, depth above an intensity or a record's number
+    visibility          the visibility buffer: depth above an intensity or a setup's number, packed, for each sample
     cut_outs            samples that are not there, by the alpha of a texture
-    records             what triangles leave that are shaded later: planes, or their corners
+    triangle_setups     what triangles leave that are shaded later: planes, or their corners
     scan                edges, spans and small boxes, into the visibility buffer
     shade               stage 6: intensities of the visible samples; flat shading and Gouraud's method
     phong_shading       the same by Phong's method: samples are lit
@@ -17,8 +17,8 @@
 What stage 6 uses:
 
     fragments           the batch of samples that are lit together
-    samples             the planes of records at samples
-    interpolate         exact interpolation over the triangles of exact records
+    samples             the planes of setups at samples
+    interpolate         exact interpolation over the triangles of exact setups
     lighting            the illumination equation, at the one place where it is evaluated
     lights              its lights: a function for each type
     shadow_lookup       which part of a light arrives

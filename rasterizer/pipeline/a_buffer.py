@@ -2,9 +2,9 @@
 
 In:  the band's transparent triangles, which the scan stage has left, its opaque surfaces, which it has drawn, and the
      radiance of these.
-Out: for every sample the entries of all transparent surfaces before the opaque one, nearest first (Carpenter 1984, "The
-     A-buffer, an antialiased hidden surface method"); then radiance with these surfaces in front; and of samples that
-     nothing opaque is behind, the opacity.
+Out: for every sample the packed samples of all transparent surfaces before the opaque one, nearest first (Carpenter
+     1984, "The A-buffer, an antialiased hidden surface method"); then radiance with these surfaces in front; and of
+     samples that nothing opaque is behind, the opacity.
 
 Only samples in the extents of the transparent triangles have lists: `extents`, the columns left..right of each strip of
 8 rows. Those samples are numbered row by row, without gaps:
@@ -17,9 +17,9 @@ Only samples in the extents of the transparent triangles have lists: `extents`, 
 Every span of a transparent triangle appends its fragments to one array, each with the number of the one before at the
 same sample (Yang et al. 2010, "Real-time concurrent linked list construction on the GPU", CGF 29(4), 1297-1304).
 Kernels can't make arrays: one that has no room for the next triangle says so, and goes on in a larger one. Then the
-lists are put one behind the other and sorted: that of sample k is entries[starts[k]:starts[k + 1]]. Entries hold depth
-above the index of the triangle's record, so they order all surfaces at a sample, whatever their order in the file: at
-equal depth the lower index lies in front, as everywhere.
+lists are put one behind the other and sorted: that of sample k is packed[starts[k]:starts[k + 1]]. Packed samples hold
+depth above the index of the triangle's setup, so they order all surfaces at a sample, whatever their order in the file:
+at equal depth the lower index lies in front, as everywhere.
 
 Then one layer after the other is shaded, the k-th fragments of all samples, and summed up (Porter & Duff 1984, `over`):
 
@@ -52,18 +52,18 @@ from ..compiler.kernels import helper, kernel
 from ..errors import SceneError
 from ..geometry.normals import sort
 from . import setup as s
-from .records import material_of
 from .scan import Deferred, Payload, box_of, fill_spans, surface_of
+from .triangle_setups import material_of
 from .visibility import (
     CLEAR,
     LANES,
-    MAX_RECORDS,
+    MAX_SETUPS,
     NO_END,
     NO_START,
     PADDING,
     STRIP_SHIFT,
     VisibilityBuffer,
-    record_of,
+    setup_of,
     strip_of,
     widen_extent,
 )
@@ -75,14 +75,14 @@ class Room:
     """A thread's memory for fragments, which grows to the most that a band had: new memory takes as long as sorting."""
 
     def __init__(self):
-        self.before, self.entries, self.sorted = (np.empty(0, dtype) for dtype in (np.int32, np.int64, np.int64))
+        self.before, self.packed, self.sorted = (np.empty(0, dtype) for dtype in (np.int32, np.int64, np.int64))
 
     def grow(self, n: int) -> None:
         """Make room for `n` fragments; those that there are stay."""
-        before, entries, n_kept = self.before, self.entries, len(self.before)
+        before, packed, n_kept = self.before, self.packed, len(self.before)
         if n_kept < n:
-            self.before, self.entries, self.sorted = (np.empty(n, each.dtype) for each in (before, entries, entries))
-            self.before[:n_kept], self.entries[:n_kept] = before, entries
+            self.before, self.packed, self.sorted = (np.empty(n, each.dtype) for each in (before, packed, packed))
+            self.before[:n_kept], self.packed[:n_kept] = before, packed
 
 
 class ABuffer(NamedTuple):
@@ -102,7 +102,7 @@ class Fragments(NamedTuple):
     columns: np.ndarray  # see ABuffer
     last: np.ndarray  # (n_sample,) int32: the last fragment of each sample; -1 for none
     before: np.ndarray  # (n,) int32: of each fragment the one before at its sample; -1 for none
-    entries: np.ndarray  # (n,) int64
+    packed: np.ndarray  # (n,) int64
     # (2,) int64: how many there are; not 0 if one is as deep as an opaque surface whose index isn't known
     found: np.ndarray
 
@@ -142,17 +142,17 @@ def gather_fragments(
     n, first, rest = len(a_buffer.transmittance), 0, (drawables, block, visibility)
     room.grow(n)
     last, found = np.full(n, -1, np.int32), np.zeros(2, np.int64)
-    fragments = Fragments(a_buffer.columns, last, room.before, room.entries, found)
+    fragments = Fragments(a_buffer.columns, last, room.before, room.packed, found)
     while (first := list_fragments(band, transparent, first, *rest, fragments)) < len(transparent.faces):
         # A triangle covers no more than all samples: twice the room is enough for the next one.
-        n = 2 * len(room.entries)
+        n = 2 * len(room.packed)
         if n > most:
             raise SceneError(
                 f"transparent surfaces cover more than {most} samples in {band.n_row} rows, too many to sort: make "
                 "some of them opaque, or leave them out"
             )
         room.grow(n)
-        fragments = fragments._replace(before=room.before, entries=room.entries)
+        fragments = fragments._replace(before=room.before, packed=room.packed)
     return fragments
 
 
@@ -196,7 +196,7 @@ def list_fragments(band, transparent, start, drawables, block, visibility, fragm
         for k in range(n):
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:
-                if found[0] + (box.right - box.left) * (box.bottom - box.top) > len(fragments.entries):
+                if found[0] + (box.right - box.left) * (box.bottom - box.top) > len(fragments.packed):
                     return first + k
                 surface = surface_of(k, Payload(payloads[first + k], 0, 0), block)
                 fill_spans(visibility, band.y_start, box, surface, fragments, None)
@@ -204,23 +204,23 @@ def list_fragments(band, transparent, start, drawables, block, visibility, fragm
 
 
 @kernel
-def sort_fragments(fragments, starts, out_entries):
+def sort_fragments(fragments, starts, out_packed):
     """Put the lists of all samples one behind the other, and sort each, nearest first.
 
     Parameters
     ----------
     fragments : Fragments
     starts : (n_sample + 1,) int64, written: see ABuffer
-    out_entries : (n,) int64, written; as many as `found` says
+    out_packed : (n,) int64, written; as many as `found` says
     """
     n = 0
     for sample in range(len(fragments.last)):
         starts[sample] = n
         fragment = fragments.last[sample]
         while fragment >= 0:
-            out_entries[n], fragment = fragments.entries[fragment], fragments.before[fragment]
+            out_packed[n], fragment = fragments.packed[fragment], fragments.before[fragment]
             n += 1
-        sort(out_entries[starts[sample] : n])
+        sort(out_packed[starts[sample] : n])
     starts[len(fragments.last)] = n
 
 
@@ -272,7 +272,7 @@ def make_layer(extents, rows, radiance, alphas) -> Layer:
     left, right = extents.left[strips].copy(), extents.right[strips].copy()
     first = min(int(left.min()), max(int(right.max()), 0))
     pitch = (max(int(right.max()) - first, 0) + PADDING + 7) // 8 * 8
-    # Entries are found by row · pitch + column: those before the first column are never touched.
+    # Packed samples are found by row · pitch + column: those before the first column are never touched.
     n = first + (rows.y_end - rows.y_start) * pitch
     visibility = VisibilityBuffer(
         np.empty(n, np.int64), pitch, extents.width, left, right, extents.materials[strips],
@@ -285,14 +285,14 @@ def make_layer(extents, rows, radiance, alphas) -> Layer:
 
 
 @kernel
-def show_layer(number, layer, entries, a_buffer, min_transmittance):
+def show_layer(number, layer, packed, a_buffer, min_transmittance):
     """Make fragment `number` of each list the layer that is shaded, of samples that aren't done; return whether there
     is any.
 
     Parameters
     ----------
     layer : Layer, whose extents are narrowed
-    entries : (n,) int64, all lists; one fragment at least
+    packed : (n,) int64, all lists; one fragment at least
     a_buffer : ABuffer
     min_transmittance : see Opacity
     """
@@ -305,9 +305,9 @@ def show_layer(number, layer, entries, a_buffer, min_transmittance):
             start = (row - layer.first_row) * visibility.pitch + left
             end = start + right - left
             for k in range(end, end + LANES):
-                visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
-            shown, sample = visibility.entries[start:end], a_buffer.columns[row] + left
-            show_row(shown, sample, number, entries, a_buffer, min_transmittance)
+                visibility.packed[k] = CLEAR  # planes are evaluated for some samples more
+            shown, sample = visibility.packed[start:end], a_buffer.columns[row] + left
+            show_row(shown, sample, number, packed, a_buffer, min_transmittance)
             first, end_shown = shown_extent(shown)
             next_left = min(next_left, left + first if first < end_shown else NO_START)
             next_right = max(next_right, left + end_shown if first < end_shown else NO_END)
@@ -317,7 +317,7 @@ def show_layer(number, layer, entries, a_buffer, min_transmittance):
 
 
 @helper
-def show_row(out, sample, number, entries, a_buffer, min_transmittance):
+def show_row(out, sample, number, packed, a_buffer, min_transmittance):
     """Fill a row with fragment `number` of each list, from `sample` on; CLEAR where there is none, or none is seen."""
     n = len(out)
     starts, ends = a_buffer.starts[sample : sample + n], a_buffer.starts[sample + 1 : sample + 1 + n]
@@ -325,30 +325,30 @@ def show_row(out, sample, number, entries, a_buffer, min_transmittance):
     for k in range(n):
         fragment = starts[k] + number
         is_shown = (fragment < ends[k]) & (arriving[k] > min_transmittance)
-        entry = entries[fragment if is_shown else 0]
-        out[k] = entry if is_shown else CLEAR
+        here = packed[fragment if is_shown else 0]
+        out[k] = here if is_shown else CLEAR
 
 
 @helper
-def shown_extent(entries):
-    """Return the first entry that shows something, and where the last one ends; n and 0 where none does."""
-    n = len(entries)
+def shown_extent(packed):
+    """Return the first packed sample that shows something, and where the last one ends; n and 0 where none does."""
+    n = len(packed)
     first, end = 0, n
-    while first < n and entries[first] >= CLEAR:
+    while first < n and packed[first] >= CLEAR:
         first += 1
-    while end > first and entries[end - 1] >= CLEAR:
+    while end > first and packed[end - 1] >= CLEAR:
         end -= 1
     return first, end
 
 
 @kernel
-def composite(layer, records, a_buffer, opacity):
+def composite(layer, setups, a_buffer, opacity):
     """Put a layer, which is shaded, behind those before.
 
     Parameters
     ----------
     layer : Layer
-    records : Records of what it shows
+    setups : TriangleSetups of what it shows
     a_buffer : ABuffer, of which transmittance, opacity and color are changed
     opacity : Opacity
     """
@@ -360,7 +360,7 @@ def composite(layer, records, a_buffer, opacity):
             continue
         start, n = (row - layer.first_row) * visibility.pitch + left, right - left
         sample = a_buffer.columns[row] + left
-        fill_alphas(visibility.entries[start : start + n], records, layer.alphas, start, opacity, layer.weights)
+        fill_alphas(visibility.packed[start : start + n], setups, layer.alphas, start, opacity, layer.weights)
         transmit(layer.weights[:n], a_buffer.transmittance[sample : sample + n], a_buffer.opacity[sample : sample + n])
         for channel in range(n_channel):
             color, radiance = a_buffer.color[channel, sample : sample + n], layer.radiance[channel, start : start + n]
@@ -369,18 +369,18 @@ def composite(layer, records, a_buffer, opacity):
 
 
 @helper
-def fill_alphas(entries, records, alphas, start, opacity, out):
+def fill_alphas(packed, setups, alphas, start, opacity, out):
     """Fill the opacities of a row's fragments, which begin at `start`; 0 where there is none."""
     is_textured = False
-    last_record, last_alpha = MAX_RECORDS, 0.0  # neighbours often show the same triangle
-    for k in range(len(entries)):
-        if entries[k] >= CLEAR:
+    last_setup, last_alpha = MAX_SETUPS, 0.0  # neighbours often show the same triangle
+    for k in range(len(packed)):
+        if packed[k] >= CLEAR:
             out[k] = 0.0
             continue
-        record = record_of(entries[k])
-        if record != last_record:
-            material = material_of(entries[k], records)
-            last_record, last_alpha = record, opacity.opacity[material]
+        setup = setup_of(packed[k])
+        if setup != last_setup:
+            material = material_of(packed[k], setups)
+            last_setup, last_alpha = setup, opacity.opacity[material]
             is_textured = opacity.is_textured[material]
         out[k] = last_alpha * alphas[start + k] if is_textured else last_alpha
 
@@ -427,12 +427,12 @@ def put_behind(first_row, end_row, visibility, a_buffer, radiance, translucent):
             continue
         left, sample, n = first_sample - columns[row], first_sample, end_sample - first_sample
         start, end = row * visibility.pitch + left, (row * visibility.pitch + left) + n
-        entries, opacity = visibility.entries[start:end], a_buffer.opacity[sample : sample + n]
+        packed, opacity = visibility.packed[start:end], a_buffer.opacity[sample : sample + n]
         transmittance = a_buffer.transmittance[sample : sample + n]
         for channel in range(len(radiance)):
             color = a_buffer.color[channel, sample : sample + n]
-            merge_behind(entries, opacity, transmittance, color, radiance[channel, start:end])
-        first, end = translucent_extent(entries, opacity)
+            merge_behind(packed, opacity, transmittance, color, radiance[channel, start:end])
+        first, end = translucent_extent(packed, opacity)
         if first < end:
             widen_extent(visibility, strip_of(row), left + first, left + end)
             widen_extent(translucent, strip_of(row), left + first, left + end)
@@ -441,25 +441,25 @@ def put_behind(first_row, end_row, visibility, a_buffer, radiance, translucent):
 
 
 @helper
-def merge_behind(entries, opacity, transmittance, color, radiance):
+def merge_behind(packed, opacity, transmittance, color, radiance):
     """Merge a channel of the layers of a row with that of the opaque surfaces; samples without layers stay as they
     are."""
     zero = radiance.dtype.type(0)
-    for k in range(len(entries)):
-        is_opaque = entries[k] < CLEAR
+    for k in range(len(packed)):
+        is_opaque = packed[k] < CLEAR
         behind = radiance[k] if is_opaque else zero
         seen = color[k] + transmittance[k] * behind if is_opaque else color[k] / opacity[k]
         radiance[k] = seen if opacity[k] > 0.0 else radiance[k]
 
 
 @helper
-def translucent_extent(entries, opacity):
+def translucent_extent(packed, opacity):
     """Return the first sample of a row that shows something transparent and nothing opaque, and where the last one
     ends; first >= end where there is none."""
-    n = len(entries)
+    n = len(packed)
     first, end = 0, n
-    while first < n and (entries[first] < CLEAR or opacity[first] == 0.0):
+    while first < n and (packed[first] < CLEAR or opacity[first] == 0.0):
         first += 1
-    while end > first and (entries[end - 1] < CLEAR or opacity[end - 1] == 0.0):
+    while end > first and (packed[end - 1] < CLEAR or opacity[end - 1] == 0.0):
         end -= 1
     return first, end

@@ -1,14 +1,14 @@
 """Stage 7 for buffers: what is visible at each pixel's centre, one kernel for each buffer.
 
-In:  the band's visibility buffer, whose entries hold places in the band's list of triangles (`scan_index`), and the
-     triangles; for labels and means a table: a label for each face, or values for the corners of each triangle.
+In:  the band's visibility buffer, whose packed samples hold places in the band's list of triangles (`scan_index`), and
+     the triangles; for labels and means a table: a label for each face, or values for the corners of each triangle.
 Out: the band's rows of a buffer. `clear_band` comes last: it leaves the visibility buffer clear for the next band.
 
 Every number is that of exact interpolation (interpolate.py) in float64, rounded once to float32. Of small triangles
-depth is interpolated so at few samples. An entry's z gives a depth d, and exact interpolation one that differs from it
-by at most s; where d - s and d + s round to the same float32, that is what both round to. The other samples are those
-whose depth is next to the middle of two numbers of float32. Entries of large triangles are marked as exact: their z is
-off by more, and their runs of samples are long.
+depth is interpolated so at few samples. A packed sample's z gives a depth d, and exact interpolation one that differs
+from it by at most s; where d - s and d + s round to the same float32, that is what both round to. The other samples are
+those whose depth is next to the middle of two numbers of float32. Packed samples of large triangles are marked as
+exact: their z is off by more, and their runs of samples are long.
 
 How large s is. A plane of z is off by half a unit for each column and row of its triangle's box, and by
 DEPTH_PLANE_ROUNDING (setup.py). Both depths come from lines in z, offset + step·z, within S = |offset| + 2^38 |step|.
@@ -42,14 +42,14 @@ from .interpolate import (
 from .scan import MAX_EXTENT
 from .setup import DEPTH_PLANE_ROUNDING, DepthScale, depth_at_corner, rotate_to_first
 from .transform import DEPTH_BITS, Drawables, depths_on_plane
-from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
+from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, setup_of, strip_of
 
 
 class VisibleSurfaces(NamedTuple):
     """What is visible in a band, one sample a pixel."""
 
     visibility: VisibilityBuffer
-    faces: np.ndarray  # (n,) uint32: the band's triangles; entries hold places in it
+    faces: np.ndarray  # (n,) uint32: the band's triangles; packed samples hold places in it
     drawables: Drawables  # attributes 0-2 are the normals, where a buffer needs them
     sources: np.ndarray  # (n,) the triangle of the scene that each is a part of; empty where none was clipped
     depths: DepthScale
@@ -58,9 +58,9 @@ class VisibleSurfaces(NamedTuple):
 
 
 @helper
-def face_at(entry, surfaces):
-    """Return the triangle that an entry shows."""
-    return surfaces.faces[record_of(entry)]
+def face_at(packed, surfaces):
+    """Return the triangle that a packed sample shows."""
+    return surfaces.faces[setup_of(packed)]
 
 
 # ---------------------------------------------------------------- masks, faces and labels
@@ -79,7 +79,7 @@ def write_mask(surfaces, band, out):
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
-            out[y, x] = visibility.entries[row * visibility.pitch + x] < CLEAR
+            out[y, x] = visibility.packed[row * visibility.pitch + x] < CLEAR
 
 
 @kernel
@@ -91,11 +91,11 @@ def write_face(surfaces, band, out):
         if left >= right:
             continue
         start = row * visibility.pitch + left
-        entries = visibility.entries[start : start + right - left]
+        packed = visibility.packed[start : start + right - left]
         here = out[y, left:right]
-        for k in range(len(entries)):
-            if entries[k] < CLEAR:
-                face = face_at(entries[k], surfaces)
+        for k in range(len(packed)):
+            if packed[k] < CLEAR:
+                face = face_at(packed[k], surfaces)
                 here[k] = sources[face] if len(sources) > 0 else face
 
 
@@ -106,9 +106,9 @@ def write_label(surfaces, band, out, labels):
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for x in range(left, right):
-            entry = visibility.entries[row * visibility.pitch + x]
-            if entry < CLEAR:
-                face = face_at(entry, surfaces)
+            packed = visibility.packed[row * visibility.pitch + x]
+            if packed < CLEAR:
+                face = face_at(packed, surfaces)
                 source = sources[face] if len(sources) > 0 else face
                 out[y, x] = labels[source]
 
@@ -136,27 +136,27 @@ def write_depth(surfaces, band, out):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for first in range(left, right, BATCH_SIZE):
             start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
-            entries = visibility.entries[start : start + end - first]
+            packed = visibility.packed[start : start + end - first]
             here = out[y, first:end]
-            if not needs_decoding(entries):
-                put_runs_of_depths(entries, surfaces, first, y, here)
+            if not needs_decoding(packed):
+                put_runs_of_depths(packed, surfaces, first, y, here)
                 continue
             if surfaces.is_perspective:
-                n_unsure = decode_distances(entries, line, here)
+                n_unsure = decode_distances(packed, line, here)
             else:
-                n_unsure = decode_depths(entries, line, here)
+                n_unsure = decode_depths(packed, line, here)
             if n_unsure > 0:
-                put_exact_depths(entries, surfaces, MANY * n_unsure > end - first, first, y, here)
+                put_exact_depths(packed, surfaces, MANY * n_unsure > end - first, first, y, here)
 
 
 @helper
-def put_runs_of_depths(entries, surfaces, x, y, out):
+def put_runs_of_depths(packed, surfaces, x, y, out):
     """Interpolate depths run by run; the first sample is at (x, y)."""
     start = 0
-    while start < len(entries):
-        end = run_end(entries, start)
-        if entries[start] < CLEAR:
-            triangle, depths = fetch_triangle(face_at(entries[start], surfaces), surfaces)
+    while start < len(packed):
+        end = run_end(packed, start)
+        if packed[start] < CLEAR:
+            triangle, depths = fetch_triangle(face_at(packed[start], surfaces), surfaces)
             put_run_of_depths(triangle, depths, surfaces.is_perspective, x + start, y, out[start:end])
         start = end
 
@@ -173,52 +173,53 @@ def depth_line(units, surfaces):
 
 
 @helper
-def decode_distances(entries, line, out):
-    """Fill the depths of samples in perspective: inf where nothing is, NaN where the entry leaves it open; count these.
+def decode_distances(packed, line, out):
+    """Fill the depths of samples in perspective: inf where nothing is, NaN where the packed sample leaves it open;
+    count these.
 
     Where 1/w may be 0, d·m d is at least d: so that is open, too.
     """
     n_unsure = 0
-    for k in range(len(entries)):
-        depth = 1.0 / (line.offset + line.step * float(entries[k] >> PAYLOAD_BITS))
-        n_unsure += decide(entries[k], depth, depth * (line.rounding * depth + 2.0**-45), k, out)
+    for k in range(len(packed)):
+        depth = 1.0 / (line.offset + line.step * float(packed[k] >> PAYLOAD_BITS))
+        n_unsure += decide(packed[k], depth, depth * (line.rounding * depth + 2.0**-45), k, out)
     return n_unsure
 
 
 @helper
-def decode_depths(entries, line, out):
+def decode_depths(packed, line, out):
     """Fill the depths of samples without perspective; see `decode_distances`."""
     n_unsure = 0
-    for k in range(len(entries)):
-        depth = line.offset + line.step * float(entries[k] >> PAYLOAD_BITS)
-        n_unsure += decide(entries[k], depth, line.rounding, k, out)
+    for k in range(len(packed)):
+        depth = line.offset + line.step * float(packed[k] >> PAYLOAD_BITS)
+        n_unsure += decide(packed[k], depth, line.rounding, k, out)
     return n_unsure
 
 
 @helper
-def decide(entry, depth, slack, k, out):
+def decide(packed, depth, slack, k, out):
     """Write a depth that is off by at most `slack`; tell whether float32 leaves it open: 1 or 0."""
     low, high = np.float32(depth - slack), np.float32(depth + slack)
-    is_covered = entry < CLEAR
-    is_unsure = is_covered & (is_exact(entry) | (low != high))  # also where one is no number
+    is_covered = packed < CLEAR
+    is_unsure = is_covered & (is_exact(packed) | (low != high))  # also where one is no number
     shown = np.float32(np.nan) if is_unsure else low
     out[k] = shown if is_covered else np.float32(np.inf)
     return np.int64(is_unsure)
 
 
 @helper
-def put_exact_depths(entries, surfaces, is_many, x, y, out):
+def put_exact_depths(packed, surfaces, is_many, x, y, out):
     """Interpolate the depths that are NaN; the first sample is at (x, y).
 
     Where these are many, whole runs of samples of one triangle are interpolated: that costs little more than one.
     """
-    start, n = 0, len(entries)
+    start, n = 0, len(packed)
     while start < n:
         if out[start] == out[start]:
             start += 1
             continue
-        end = run_end(entries, start) if is_many else start + 1
-        triangle, depths = fetch_triangle(face_at(entries[start], surfaces), surfaces)
+        end = run_end(packed, start) if is_many else start + 1
+        triangle, depths = fetch_triangle(face_at(packed[start], surfaces), surfaces)
         put_run_of_depths(triangle, depths, surfaces.is_perspective, x + start, y, out[start:end])
         start = end
 
@@ -253,7 +254,7 @@ def line_of_run(triangle, depths, is_perspective, x, y):
     Letters: e_i edge functions, A their sum, a_i what stands at the corners: 1/w, or the depth without perspective,
     where all w are 1; m the largest |a_i|; u = 2^-53. Samples of a triangle lie in it, so |k Δe_i| <= |A|, and
     Σ |k Δe_i| <= 2 |A|. What rounds k·Δa is two products, two sums, a divisor, a quotient and the product with k: 14 u
-    m, in perspective with the corners' shares of 1/w (records.py) 18 u m. The first a errs by 8 u m, exact
+    m, in perspective with the corners' shares of 1/w (triangle_setups.py) 18 u m. The first a errs by 8 u m, exact
     interpolation by 10 u m; the last sum, 1/a and the two ends of the range by u each. Together that is less than 64 u
     m. In perspective it is divided by a, which is not below the least a_i.
     """
@@ -305,19 +306,19 @@ def write_normal_rows(surfaces, band, out):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for first in range(left, right, BATCH_SIZE):
             start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
-            entries = visibility.entries[start : start + end - first]
-            put_normals(entries, surfaces, first, y, batch)
-            interleave(entries, batch, out[y, 3 * first : 3 * end])
+            packed = visibility.packed[start : start + end - first]
+            put_normals(packed, surfaces, first, y, batch)
+            interleave(packed, batch, out[y, 3 * first : 3 * end])
 
 
 @helper
-def put_normals(entries, surfaces, x, y, batch):
+def put_normals(packed, surfaces, x, y, batch):
     """Interpolate normals run by run; the first sample is at (x, y)."""
     start = 0
-    while start < len(entries):
-        end = run_end(entries, start)
-        if entries[start] < CLEAR:
-            face = face_at(entries[start], surfaces)
+    while start < len(packed):
+        end = run_end(packed, start)
+        if packed[start] < CLEAR:
+            face = face_at(packed[start], surfaces)
             triangle, _ = fetch_triangle(face, surfaces)
             normals, side = fetch_normals(face, surfaces.drawables)
             run = batch[NORMAL + start : NORMAL + NEXT + NEXT + end]
@@ -339,12 +340,12 @@ def fill_normals(triangle, normals, side, x, y, n, out):
 
 
 @helper
-def interleave(entries, batch, out):
+def interleave(packed, batch, out):
     """Write the normals of a batch to the pixels of a row, x, y, z one after the other; 0 where nothing is."""
-    n, zero = len(entries), np.float32(0)
+    n, zero = len(packed), np.float32(0)
     xs, ys, zs = batch[NORMAL : NORMAL + n], batch[NORMAL + NEXT :][:n], batch[NORMAL + NEXT + NEXT :][:n]
     for k in range(n):
-        is_covered, first = entries[k] < CLEAR, 3 * k
+        is_covered, first = packed[k] < CLEAR, 3 * k
         out[first] = xs[k] if is_covered else zero
         out[first + 1] = ys[k] if is_covered else zero
         out[first + 2] = zs[k] if is_covered else zero
@@ -378,13 +379,13 @@ def write_means(surfaces, band, out, table):
         if left >= right:
             continue
         first = row * visibility.pitch + left
-        entries = visibility.entries[first : first + right - left]
+        packed = visibility.packed[first : first + right - left]
         here = out[y, left:right]
         start = 0
-        while start < len(entries):
-            end = run_end(entries, start)
-            if entries[start] < CLEAR:
-                face = face_at(entries[start], surfaces)
+        while start < len(packed):
+            end = run_end(packed, start)
+            if packed[start] < CLEAR:
+                face = face_at(packed[start], surfaces)
                 triangle, _ = fetch_triangle(face, surfaces)
                 corners = table_rows(face, surfaces, table)
                 fill_means(triangle, corners, table.values, left + start, y, here[start:end])
@@ -412,7 +413,7 @@ def fill_means(triangle, corners, values, x, y, out):
 
 # ---------------------------------------------------------------- triangles of visible samples
 
-# The numbers that exact records hold (records.py), fetched from the picture's drawables.
+# The numbers that exact setups hold (triangle_setups.py), fetched from the picture's drawables.
 
 
 class VertexOrder(NamedTuple):
@@ -425,7 +426,7 @@ class VertexOrder(NamedTuple):
 
 @helper
 def fetch_triangle(face, surfaces):
-    """Return a triangle, and the depths of its vertices, as an exact record holds them."""
+    """Return a triangle, and the depths of its vertices, as an exact setup holds them."""
     drawables, depths = surfaces.drawables, surfaces.depths
     xs, ys = fetch_positions(face, drawables)
     order, vertices = order_of(xs, ys), drawables.vertices
@@ -506,11 +507,11 @@ def clear_band(visibility, n_row):
         strip = strip_of(row)
         left, right, start = visibility.left[strip], visibility.right[strip], row * visibility.pitch
         if left < right:
-            entries = visibility.entries[start + left : start + right + PADDING]
+            packed = visibility.packed[start + left : start + right + PADDING]
             for k in range(right - left):
-                n_covered += entries[k] < CLEAR
-                entries[k] = CLEAR
-            for k in range(right - left, len(entries)):
-                entries[k] = CLEAR
+                n_covered += packed[k] < CLEAR
+                packed[k] = CLEAR
+            for k in range(right - left, len(packed)):
+                packed[k] = CLEAR
     forget(visibility)
     return n_covered

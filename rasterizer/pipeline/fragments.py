@@ -40,7 +40,7 @@ GRAZING, METAL = _quantity(32), _quantity(33)  # when the light's shadow has bee
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
 # Of materials with a metallic-roughness texture, which are not brushed: what it multiplies both numbers by.
 METALLIC, ROUGHNESS = _quantity(37), _quantity(38)
-# Of float64 alone, for looking textures up at exact records (texcoords.py): texture coordinates, 1 / Σ q, and the
+# Of float64 alone, for looking textures up at exact setups (texcoords.py): texture coordinates, 1 / Σ q, and the
 # weights of the three corners, whose sum is 1.
 TEXCOORD_U, TEXCOORD_T, INVERSE_SUM, BARYCENTRIC = _quantity(41), _quantity(42), _quantity(43), _quantity(44)
 N_QUANTITY = 47

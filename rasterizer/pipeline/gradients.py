@@ -1,17 +1,17 @@
 """Gradients: the planes of what is interpolated over a block of triangles, and whether they are good enough.
 
 In:  a `Block` of setup.py: vertices, slopes, attributes, and the error that is accepted.
-Out: planes (value at the anchor, d/dx, d/dy) in its rows PLANE_LEVEL and PLANE_ATTRIBUTE; HAS_LEVELS and HAS_PLANES are
-     1 for the triangles of which these err by no more than the tolerance.
+Out: planes (value at the anchor, d/dx, d/dy) in its rows PLANE_INTENSITY and PLANE_ATTRIBUTE; HAS_INTENSITY and
+     HAS_PLANES are 1 for the triangles of which these err by no more than the tolerance.
 
 There are three paths for a triangle's attributes to its samples. Its material says which is the cheapest that will do
 for its illumination; each triangle takes the cheapest from there on that is good enough for its shape:
 
-* In entries: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
-  (Gouraud 1971). One channel, flat shading and Gouraud's method.
-* In planes: a record holds value, d/dx and d/dy of every attribute in float32: the normals of Phong's method over w,
+* In packed samples: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p +
+  ΔI·Δv (Gouraud 1971). One channel, flat shading and Gouraud's method.
+* In planes: a setup holds value, d/dx and d/dy of every attribute in float32: the normals of Phong's method over w,
   and intensities of three channels.
-* Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
+* Exact: a setup holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
   perspective and in float64. What the first two can't do within the tolerance, and everything at tolerance 0.
 
 Which one is decided by bounds that stand beside the code, never by measuring. Letters: w distance along the viewing
@@ -36,10 +36,10 @@ from .setup import (
     values_at,
 )
 from .textures import FIRST_TEXCOORD, TextureCoding, compute_texcoord_planes
-from .visibility import LEVEL_MASK
+from .visibility import INTENSITY_MASK
 
-EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest path that a material's triangles may take
-# Features of a material, bits: it is computed in float32, or in float64 and so from exact records; it has three
+EXACT, IN_PACKED, IN_PLANES = 0, 1, 2  # the cheapest path that a material's triangles may take
+# Features of a material, bits: it is computed in float32, or in float64 and so from exact setups; it has three
 # channels, a texture; what is behind it is seen, or nothing else; colours are given with the model.
 SINGLE_PRECISION, DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, IS_TRANSPARENT, IS_INVISIBLE, HAS_ALBEDO = (
     1, 2, 4, 8, 16, 32, 64,
@@ -50,44 +50,44 @@ MAX_CHANNELS = 3
 class Coding(NamedTuple):
     """How this frame's attributes reach the samples. Whether `textures` is None decides what is compiled."""
 
-    paths: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
+    paths: np.ndarray  # (n_material,) uint8: EXACT, IN_PACKED or IN_PLANES
     features: np.ndarray  # (n_material,) uint8: the bits above
     reads_double: np.ndarray  # (n_material,) bool: attributes are not rounded to float32
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
-    level_scale: float  # levels a unit of intensity; 0 where attributes are normals, and what stands behind them
+    intensity_scale: float  # intensity steps a unit; 0 where attributes are normals, and what stands behind them
     albedo_tolerance: float  # error that is accepted in an attribute behind the normals
-    needs_distance: bool  # samples have positions, which are found from their entries
+    needs_distance: bool  # samples have positions, which are found from their packed samples
     textures: TextureCoding | None  # None where no texture coordinates stand in planes
     depths: DepthScale
-    is_exact: bool  # all records are
+    is_exact: bool  # all setups are
 
 
 @helper
 def clear_planes(block):
-    """Let all records of a block be exact."""
+    """Let all setups of a block be exact."""
     ints = block.ints
     for k in range(s.BLOCK):
-        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = ints[s.PIECE + k] = 0
+        ints[s.HAS_INTENSITY + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = ints[s.PIECE + k] = 0
 
 
-# ---------------------------------------------------------------- levels, in entries
+# ---------------------------------------------------------------- intensity steps, in packed samples
 
 
 @helper
-def compute_levels(n_attribute, coding, block):
-    """Compute the planes of levels, then those of intensities where the first are not good enough; clear HAS_LEVELS and
-    HAS_PLANES where neither are."""
+def compute_intensities(n_attribute, coding, block):
+    """Compute the planes of intensity steps, then those of intensities where the first are not good enough; clear
+    HAS_INTENSITY and HAS_PLANES where neither are."""
     ints = block.ints
     if coding.needs_distance:
         check_distances(coding, block)
-    n_in_entries = 0
+    n_in_packed = 0
     for k in range(s.BLOCK):
-        ints[s.HAS_LEVELS + k] = ints[s.PIECE + k] = 0
+        ints[s.HAS_INTENSITY + k] = ints[s.PIECE + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.PATH + k] != EXACT
-        n_in_entries += ints[s.PATH + k] == IN_ENTRIES
-    if n_in_entries > 0:
-        compute_level_plane(coding, block)
+        n_in_packed += ints[s.PATH + k] == IN_PACKED
+    if n_in_packed > 0:
+        compute_intensity_plane(coding, block)
         if count_left(block) > 0:
             compute_pieces(coding, block)
     n_left = count_left(block)
@@ -98,10 +98,10 @@ def compute_levels(n_attribute, coding, block):
 
 @helper
 def count_left(block):
-    """Return how many triangles of a block may have planes, and have no levels."""
+    """Return how many triangles of a block may have planes, and have no intensity steps."""
     n_left = 0
     for k in range(s.BLOCK):
-        n_left += block.ints[s.HAS_PLANES + k] > block.ints[s.HAS_LEVELS + k]
+        n_left += block.ints[s.HAS_PLANES + k] > block.ints[s.HAS_INTENSITY + k]
     return n_left
 
 
@@ -115,23 +115,24 @@ def compute_textured(n_attribute, textures, depths, block):
 
 
 @helper
-def compute_level_plane(coding, block):
-    """Compute the plane, in whole levels, of the intensity of triangles whose materials have one channel.
+def compute_intensity_plane(coding, block):
+    """Compute the plane, in whole intensity steps, of the intensity of triangles whose materials have one channel.
 
-    Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no
-    value can leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both
-    ends; a range below 2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <=
+    Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 intensity steps. So
+    that no value can leave the range of the vertices, the plane is first shrunk about the middle of that range by e at
+    both ends; a range below 2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <=
     |ΔI|·(r-1)/4 with r = w_max/w_min: the first is (r-1)/(√r+1)².
-    Whatever the intensities are, also none (NaN), negative or infinite ones, the levels are within 0..LEVEL_MASK - 1:
-    no entry can carry into the bits above it.
+    Whatever the intensities are, also none (NaN), negative or infinite ones, the intensity steps are within
+    0..INTENSITY_MASK - 1: no packed sample can carry into the bits above it.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
-    scale, highest = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
+    scale, highest = coding.intensity_scale, float(INTENSITY_MASK - 1)  # no rounding can carry into the bits above
     for k in range(s.BLOCK):
         path, tolerance = ints[s.PATH + k], reals[s.LIMIT + k] * scale
         i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
-        level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
-        low, high = min(level0, level1, level2), max(level0, level1, level2)
+        intensity0, intensity1 = clamp(i0 * scale, highest), clamp(i1 * scale, highest)
+        intensity2 = clamp(i2 * scale, highest)
+        low, high = min(intensity0, intensity1, intensity2), max(intensity0, intensity1, intensity2)
         spread, middle = high - low, 0.5 * (low + high)
         margin = float(ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k]) + 1.0  # 2e
         shrink = 1.0 - margin / spread if spread > margin else 0.0
@@ -139,20 +140,20 @@ def compute_level_plane(coding, block):
         w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         least = min(w0, w1, w2)
         rise = max(w0, w1, w2) - least
-        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
-        # vertices.
+        # Compared after multiplication by 4/w_max, so that nothing is divided; half an intensity step is the rounding
+        # of the vertices.
         is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
-        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (path == IN_ENTRIES)
-        rise1, rise2 = (level1 - level0) * shrink, (level2 - level0) * shrink
+        ints[s.HAS_INTENSITY + k] = ints[s.HAS_PLANES + k] & is_good & (path == IN_PACKED)
+        rise1, rise2 = (intensity1 - intensity0) * shrink, (intensity2 - intensity0) * shrink
         dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
         dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
-        value = middle + (level0 - middle) * shrink + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
-        longs[s.PLANE_LEVEL + k], longs[s.PLANE_LEVEL_DX + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
-        longs[s.PLANE_LEVEL_DY + k] = np.int64(np.rint(dy))
+        value = middle + (intensity0 - middle) * shrink + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
+        longs[s.PLANE_INTENSITY + k], longs[s.PLANE_INTENSITY_DX + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
+        longs[s.PLANE_INTENSITY_DY + k] = np.int64(np.rint(dy))
 
 
 # Where perspective bends the intensity of a triangle too much, its spans are cut at every PIECE-th column of the
-# picture. At both ends of a piece the level is that of the perspective, between them it advances by ΔI·Δv as
+# picture. At both ends of a piece the intensity step is that of the perspective, between them it advances by ΔI·Δv as
 # everywhere.
 #
 # With f = 1/w and M = (I - I_m)/w, both linear on the screen, I = I_m + M/f, where I_m is the middle of the vertices'
@@ -162,12 +163,13 @@ def compute_level_plane(coding, block):
 #     over a piece of P     |ΔI| <= min(D, P·G), and f grows by a factor q with q - 1 <= P·|f_x|/f_min
 #     between its ends      I - line <= |ΔI|·(√q - 1)/(√q + 1) <= |ΔI|·(q - 1)/4 <= min(D, P·G)·P·|f_x|/(4 f_min)
 #
-# Levels are whole: an end is rounded by half of one, an increment by half of one, which adds up to P/2 at most. So M is
-# first shrunk by P/2 + 1 levels, as planes are: no rounding leaves the range of the vertices. Float64 errs by 2^-28 of
-# what M and f rise by (MAX_ELONGATION in setup.py), so with f <= 1 a level errs by 3/2·2^-28·D/f_min.
+# Intensity steps are whole: an end is rounded by half of one, an increment by half of one, which adds up to P/2 at
+# most. So M is first shrunk by P/2 + 1 intensity steps, as planes are: no rounding leaves the range of the vertices.
+# Float64 errs by 2^-28 of what M and f rise by (MAX_ELONGATION in setup.py), so with f <= 1 an intensity step errs by
+# 3/2·2^-28·D/f_min.
 #
-# Columns are those of the picture, and ends are samples of the triangle: an entry is a function of triangle and sample
-# alone.
+# Columns are those of the picture, and ends are samples of the triangle: a packed sample is a function of triangle and
+# sample alone.
 
 PIECES = 8, 16, 32, 64, 128, 256, 512  # samples
 LEAST_INVERSE = 2.0**-20  # of f, the largest being 1: far above what float64 loses
@@ -176,19 +178,20 @@ LEAST_INVERSE = 2.0**-20  # of f, the largest being 1: far above what float64 lo
 @helper
 def compute_pieces(coding, block):
     """Find the longest pieces whose errors are accepted, and the planes of what stands at their ends, of triangles for
-    which one plane of levels is not good enough; the others of their materials get exact records."""
+    which one plane of intensity steps is not good enough; the others of their materials get exact setups."""
     ints, reals = block.ints, block.reals
-    scale, highest = coding.level_scale, float(LEVEL_MASK - 1)
+    scale, highest = coding.intensity_scale, float(INTENSITY_MASK - 1)
     for k in range(s.BLOCK):
         tolerance = reals[s.LIMIT + k] * scale
         i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
-        level0, level1, level2 = clamp(i0 * scale, highest), clamp(i1 * scale, highest), clamp(i2 * scale, highest)
-        low, high = min(level0, level1, level2), max(level0, level1, level2)
+        intensity0, intensity1 = clamp(i0 * scale, highest), clamp(i1 * scale, highest)
+        intensity2 = clamp(i2 * scale, highest)
+        low, high = min(intensity0, intensity1, intensity2), max(intensity0, intensity1, intensity2)
         spread, middle = high - low, 0.5 * (low + high)
         f0, f1, f2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)
         inverse = 1.0 / max(f0, f1, f2)
         f0, f1, f2 = f0 * inverse, f1 * inverse, f2 * inverse
-        m0, m1, m2 = (level0 - middle) * f0, (level1 - middle) * f1, (level2 - middle) * f2
+        m0, m1, m2 = (intensity0 - middle) * f0, (intensity1 - middle) * f1, (intensity2 - middle) * f2
         s.compute_plane_at(s.PLANE_OVER_W + k, k, m0, m1, m2, block)
         s.compute_plane_at(s.PLANE_INV_W + k, k, f0, f1, f2, block)
         least, bend = min(f0, f1, f2), abs(reals[s.PLANE_INV_W + s.NEXT + k])
@@ -204,18 +207,18 @@ def compute_pieces(coding, block):
         for part in range(3):
             reals[s.PLANE_OVER_W + part * s.NEXT + k] *= shrink
         reals[s.MIDDLE + k], reals[s.HALF_RANGE + k] = middle, 0.5 * spread * shrink
-        is_left = (ints[s.PATH + k] == IN_ENTRIES) & (ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k])
+        is_left = (ints[s.PATH + k] == IN_PACKED) & (ints[s.HAS_PLANES + k] > ints[s.HAS_INTENSITY + k])
         is_good = is_left & (piece > 0) & (least >= LEAST_INVERSE)
         ints[s.PIECE + k] = piece if is_good else 0
-        ints[s.HAS_LEVELS + k] |= is_good
+        ints[s.HAS_INTENSITY + k] |= is_good
         ints[s.HAS_PLANES + k] &= is_good | (not is_left)
 
 
 @helper
-def clamp(level, highest):
-    """Return the level within 0..highest; 0 where it is no number."""
-    level = level if level > 0.0 else 0.0
-    return level if level < highest else highest
+def clamp(intensity, highest):
+    """Return the intensity step within 0..highest; 0 where it is no number."""
+    intensity = intensity if intensity > 0.0 else 0.0
+    return intensity if intensity < highest else highest
 
 
 # ---------------------------------------------------------------- normals
@@ -226,7 +229,7 @@ def compute_normals(n_attribute, coding, block):
     """Compute the planes of normals and albedo, where there are any; clear HAS_PLANES where they aren't good enough."""
     ints = block.ints
     for k in range(s.BLOCK):
-        ints[s.HAS_LEVELS + k] = ints[s.IS_WEIGHTED + k] = 0
+        ints[s.HAS_INTENSITY + k] = ints[s.IS_WEIGHTED + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.PATH + k] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
@@ -253,7 +256,7 @@ def compute_normal_planes(coding, block):
     A float32 plane that rises by s over the box of its triangle errs by at most u·(3 + 4 s) there: the roundings of
     value, slopes, products and sums. With three components that turns the normal by √3·u·(3 + 4 s)/|n/w|, the error
     over the length of what is interpolated: coding.limits says how many u a normal may turn by, over √3.
-    shortest_normal says how long n/w is at least. Where nothing is left of it, the record is exact.
+    shortest_normal says how long n/w is at least. Where nothing is left of it, the setup is exact.
     """
     for k in range(s.BLOCK):
         w0, w1, w2 = linear_in_z(k, coding.depths.inv_w_offset, coding.depths.inv_w_scale, block)

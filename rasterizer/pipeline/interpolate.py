@@ -1,6 +1,6 @@
-"""Exact interpolation over the triangles of exact records (records.py), and the walk over their runs of samples.
+"""Exact interpolation over the triangles of exact setups (triangle_setups.py), and the walk over their runs of samples.
 
-In:  a band after the scan stage: visibility entries and records.
+In:  a band after the scan stage: packed samples and setups.
 Out: means of what the three corners of a triangle have, weighted for one sample, for the stages behind scan.
 
 It is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is Σ q_i·a_i / Σ q_i
@@ -14,18 +14,18 @@ import numpy as np
 
 from ..compiler.kernels import helper
 from .gradients import Coding
-from .records import ATTRIBUTE, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
 from .setup import ExactTriangle, corner_weights
 from .transform import SUBPIXEL
-from .visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
+from .triangle_setups import ATTRIBUTE, DEPTH, EDGES, INV_W, TriangleSetups
+from .visibility import CLEAR, INTENSITY_BITS, INTENSITY_MASK, IS_EXACT, IS_ID, VisibilityBuffer, is_exact, strip_of
 
 
 class ScannedBand(NamedTuple):
     """What the scan stage leaves of a band, for the stages behind it."""
 
     visibility: VisibilityBuffer
-    records: Records
+    setups: TriangleSetups
     coding: Coding | None  # how attributes reach the samples; None of `uncoded` bands
     counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
@@ -47,87 +47,87 @@ def row_extent(visibility, j):
 
 
 @helper
-def has_exact(entries):
-    """Tell whether any entry holds the number of an exact record."""
+def has_exact(packed):
+    """Tell whether any packed sample holds the number of an exact setup."""
     union = 0
-    for k in range(len(entries)):
-        union |= entries[k] & (entries[k] >> LEVEL_BITS)  # IS_ID is bit LEVEL_BITS, IS_EXACT bit 0
+    for k in range(len(packed)):
+        union |= packed[k] & (packed[k] >> INTENSITY_BITS)  # IS_ID is bit INTENSITY_BITS, IS_EXACT bit 0
     return (union & IS_EXACT) != 0
 
 
 @helper
-def has_planes(entries):
-    """Tell whether any entry holds the number of a record that isn't exact."""
+def has_planes(packed):
+    """Tell whether any packed sample holds the number of a setup that isn't exact."""
     union = 0
-    for k in range(len(entries)):
-        union |= ~entries[k] & (entries[k] >> LEVEL_BITS)
+    for k in range(len(packed)):
+        union |= ~packed[k] & (packed[k] >> INTENSITY_BITS)
     return (union & IS_EXACT) != 0
 
 
 @helper
-def needs_decoding(entries):
-    """Tell whether any entry shows a triangle without an exact record: a level, or planes."""
+def needs_decoding(packed):
+    """Tell whether any packed sample shows a triangle without an exact setup: an intensity step, or planes."""
     union = False
-    for k in range(len(entries)):
-        union |= (entries[k] < CLEAR) & (not is_exact(entries[k]))
+    for k in range(len(packed)):
+        union |= (packed[k] < CLEAR) & (not is_exact(packed[k]))
     return union
 
 
 @helper
-def run_end(entries, start):
-    """Return the end of the run of samples that show the same record as the one at `start`."""
+def run_end(packed, start):
+    """Return the end of the run of samples that show the same setup as the one at `start`."""
     end = start + 1
-    while end < len(entries) and (entries[end] ^ entries[start]) & (IS_ID | LEVEL_MASK) == 0:
+    while end < len(packed) and (packed[end] ^ packed[start]) & (IS_ID | INTENSITY_MASK) == 0:
         end += 1
     return end
 
 
 @helper
-def next_exact_run(entries, start):
-    """Find the next run of samples that show one exact record: (start, end); an empty one where there is none.
+def next_exact_run(packed, start):
+    """Find the next run of samples that show one exact setup: (start, end); an empty one where there is none.
 
-    All that is interpolated over exact records is so run by run:
+    All that is interpolated over exact setups is so run by run:
 
-        start, end = next_exact_run(entries, 0)
+        start, end = next_exact_run(packed, 0)
         while start < end:
             ...
-            start, end = next_exact_run(entries, end)
+            start, end = next_exact_run(packed, end)
     """
-    n = len(entries)
-    while start < n and not is_exact(entries[start]):
+    n = len(packed)
+    while start < n and not is_exact(packed[start]):
         start += 1
-    return start, run_end(entries, start) if start < n else start
+    return start, run_end(packed, start) if start < n else start
 
 
 # ---------------------------------------------------------------- weights of the corners
 
 
 @helper
-def exact_triangle(records, record):
-    """Read what the weights of an exact record are computed from."""
-    row, first = records.integers[record], EDGES
+def exact_triangle(setups, setup):
+    """Read what the weights of an exact setup are computed from."""
+    row, first = setups.integers[setup], EDGES
     dx1, dy1 = np.int64(row[first + 2]), np.int64(row[first + 3])
     dx2, dy2 = np.int64(row[first + 4]), np.int64(row[first + 5])
-    w0, w1, w2 = corner_values(records.reals, record, INV_W)
+    w0, w1, w2 = corner_values(setups.reals, setup, INV_W)
     x0, y0 = np.int64(row[first]), np.int64(row[first + 1])
     area = float(dx1 * dy2 - dx2 * dy1)
     return ExactTriangle(x0, y0, dx1, dy1, dx2, dy2, (float(w0), float(w1), float(w2)), area)
 
 
 @helper
-def corner_values(reals, record, column):
-    """Return three neighbouring numbers of an exact record: what it holds for its three corners."""
-    return reals[record, column], reals[record, column + 1], reals[record, column + 2]
+def corner_values(reals, setup, column):
+    """Return three neighbouring numbers of an exact setup: what it holds for its three corners."""
+    return reals[setup, column], reals[setup, column + 1], reals[setup, column + 2]
 
 
 @helper
-def corner_vectors(records, record, attribute):
-    """Return three neighbouring attributes of an exact record from `attribute` on; each at the three corners."""
+def corner_vectors(setups, setup, attribute):
+    """Return three neighbouring attributes of an exact setup from `attribute` on; each at the three corners."""
     column = ATTRIBUTE + 3 * attribute
     return (
-        corner_values(records.reals, record, column),
-        corner_values(records.reals, record, column + 3),
-        corner_values(records.reals, record, column + 6),
+        corner_values(setups.reals, setup, column),
+        corner_values(setups.reals, setup, column + 3),
+        corner_values(setups.reals, setup, column + 6),
     )
 
 
@@ -175,14 +175,15 @@ def rounded(p, real):
 
 
 @helper
-def depth_at(records, record, triangle, q, is_perspective):
+def depth_at(setups, setup, triangle, q, is_perspective):
     """Return the depth along the viewing axis, scene units, at a sample with the weights q_i."""
-    return mean_depth(triangle, corner_values(records.reals, record, DEPTH), q, is_perspective)
+    return mean_depth(triangle, corner_values(setups.reals, setup, DEPTH), q, is_perspective)
 
 
 @helper
 def mean_depth(triangle, depths, q, is_perspective):
-    """Return the depth of a triangle's plane at a sample; `depths` is what the record holds of it (records.py)."""
+    """Return the depth of a triangle's plane at a sample; `depths` is what the setup holds of it
+    (triangle_setups.py)."""
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
         least, largest = inverse_range(triangle, depths)

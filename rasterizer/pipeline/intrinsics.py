@@ -19,38 +19,38 @@ from numba.core import cgutils
 
 from .fragments import BATCH_SIZE
 from .samples import PLANE_GROUP
-from .visibility import IS_WEIGHTED, LANES, LEVEL_BITS
+from .visibility import INTENSITY_BITS, IS_WEIGHTED, LANES
 
 TEXELS_AHEAD = 96  # samples by which texels are asked for before they are read
 FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
-_ENTRIES = ir.VectorType(ir.IntType(64), LANES)
+_PACKED = ir.VectorType(ir.IntType(64), LANES)
 _REALS = ir.VectorType(ir.FloatType(), LANES)
 _WHOLES = ir.VectorType(ir.IntType(32), PLANE_GROUP)
-_ANCHOR = 1, 2  # where the first four numbers of a record have its anchor, x and y
+_ANCHOR = 1, 2  # where the first four numbers of a setup have its anchor, x and y
 
 
 # ---------------------------------------------------------------- small boxes
 
 
-def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, depth_mask):
+def build_merge_box(typing_context, packed, start, pitch, n_row, plane, edges, depth_mask):
     """Build `merge_box`: a row of LANES samples at a time."""
-    if not (isinstance(entries, types.Array) and entries.dtype == types.int64 and entries.layout == "C"):
+    if not (isinstance(packed, types.Array) and packed.dtype == types.int64 and packed.layout == "C"):
         return None
     unsigned, signed = types.uint64, types.int64
     three, nine = types.UniTuple(unsigned, 3), types.UniTuple(signed, 9)
-    signature = types.void(entries, signed, signed, signed, three, nine, signed)
+    signature = types.void(packed, signed, signed, signed, three, nine, signed)
 
     def generate(context, builder, signature, arguments):
         data = data_of(context, builder, signature.args[0], arguments[0])
-        entries = _Ramp(builder, _ENTRIES, *cgutils.unpack_tuple(builder, arguments[4]))
+        packed = _Ramp(builder, _PACKED, *cgutils.unpack_tuple(builder, arguments[4]))
         edges = [builder.trunc(edge, ir.IntType(32)) for edge in cgutils.unpack_tuple(builder, arguments[5])]
         edges = [_Ramp(builder, _EDGES, *edges[k : k + 3]) for k in (0, 3, 6)]
         position = cgutils.alloca_once_value(builder, arguments[1])
-        mask = splat(builder, _ENTRIES, arguments[6])
+        mask = splat(builder, _PACKED, arguments[6])
         with cgutils.for_range(builder, arguments[3]):
             here = builder.load(position)
-            new, e0, e1, e2 = (ramp.next(builder) for ramp in (entries, *edges))
+            new, e0, e1, e2 = (ramp.next(builder) for ramp in (packed, *edges))
             is_inside = builder.icmp_signed(
                 ">=", builder.or_(e0, builder.or_(e1, e2)), ir.Constant(_EDGES, [0] * LANES)
             )
@@ -61,17 +61,17 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
     return signature, generate
 
 
-def build_fill_span(typing_context, span, entry, step, depth_mask):
+def build_fill_span(typing_context, span, packed, step, depth_mask):
     """Build `fill_span`: LANES samples at a time. A sample is inside while some of the span are left."""
     if not (isinstance(span, types.Array) and span.dtype == types.int64 and span.layout == "C"):
         return None
 
     def generate(context, builder, signature, arguments):
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        n, (entry, step, depth_mask) = array.nitems, arguments[1:]
+        n, (packed, step, depth_mask) = array.nitems, arguments[1:]
         n_before = builder.and_(builder.sub(n, n.type(1)), n.type(-LANES))  # up to the last LANES, or fewer
-        ramp = _Ramp(builder, _ENTRIES, entry, step, builder.mul(step, step.type(LANES)))
-        mask = splat(builder, _ENTRIES, depth_mask)
+        ramp = _Ramp(builder, _PACKED, packed, step, builder.mul(step, step.type(LANES)))
+        mask = splat(builder, _PACKED, depth_mask)
         with cgutils.for_range_slice(builder, n.type(0), n_before, n.type(LANES), n.type) as (first, _):
             _merge(builder, builder.gep(array.data, [first]), ramp.next(builder), None, mask)
         left = builder.trunc(builder.sub(n, n_before), ir.IntType(32))
@@ -84,7 +84,7 @@ def build_fill_span(typing_context, span, entry, step, depth_mask):
 
 
 def _merge(builder, address, new, is_inside, mask):
-    """Write LANES entries to an address, where they are inside and nearer than what is there.
+    """Write LANES packed samples to an address, where they are inside and nearer than what is there.
 
     What is written back as it was may not become a masked store: on processors with AVX2 that takes several times as
     long, and what is read next from there waits for it.
@@ -92,9 +92,9 @@ def _merge(builder, address, new, is_inside, mask):
     Parameters
     ----------
     is_inside : vector of booleans; None where all are inside
-    mask : the bits of entries that are compared, in all lanes
+    mask : the bits of packed samples that are compared, in all lanes
     """
-    address = builder.bitcast(address, _ENTRIES.as_pointer())
+    address = builder.bitcast(address, _PACKED.as_pointer())
     old = freeze(builder, builder.load(address, align=8))
     is_written = builder.icmp_signed("<", new, builder.and_(old, mask))
     if is_inside is not None:
@@ -121,25 +121,25 @@ class _Ramp:
 # ---------------------------------------------------------------- planes
 
 
-def build_planes_of_row(typing_context, entries, group, first, out, start):
+def build_planes_of_row(typing_context, packed, group, first, out, start):
     """Build `samples.evaluate_planes`."""
-    return _build_evaluation((_Rows(out, 0, has_slopes=False),), entries, group)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False),), packed, group)
 
 
-def build_slopes_of_row(typing_context, entries, group, first, out, start):
+def build_slopes_of_row(typing_context, packed, group, first, out, start):
     """Build `samples.evaluate_slopes`."""
-    return _build_evaluation((_Rows(out, 0, has_slopes=True),), entries, group)
+    return _build_evaluation((_Rows(out, 0, has_slopes=True),), packed, group)
 
 
-def build_both_of_row(typing_context, entries, group, first, out, start, behind, behind_start):
+def build_both_of_row(typing_context, packed, group, first, out, start, behind, behind_start):
     """Build `samples.evaluate_with_slopes`."""
     slopes = _Rows(behind, 3 * PLANE_GROUP, has_slopes=True)
-    return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), entries, group)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False), slopes), packed, group)
 
 
-def build_values_of_row(typing_context, entries, group, first, out, start, weights):
+def build_values_of_row(typing_context, packed, group, first, out, start, weights):
     """Build `samples.evaluate_values`."""
-    return _build_evaluation((_Rows(out, 0, has_slopes=False, has_range=True),), entries, group)
+    return _build_evaluation((_Rows(out, 0, has_slopes=False, has_range=True),), packed, group)
 
 
 class _Rows(NamedTuple):
@@ -147,12 +147,12 @@ class _Rows(NamedTuple):
     their values times a factor, within their ranges."""
 
     out: object  # the type of the array
-    column: int  # of the group, behind the first one of the record
+    column: int  # of the group, behind the first one of the setup
     has_slopes: bool
     has_range: bool = False
 
 
-def _build_evaluation(groups, entries, group):
+def _build_evaluation(groups, packed, group):
     """Build a loop that evaluates planes: LANES samples at a time, each with its four planes, which are then
     transposed."""
     numbers, *layout = group
@@ -162,13 +162,13 @@ def _build_evaluation(groups, entries, group):
         return None
     places = [each for rows in groups for each in (rows.out, types.int64)] + [types.int64] * groups[0].has_range
     first = types.UniTuple(types.int64, 2)
-    signature = types.void(entries, group, first, *places)
+    signature = types.void(packed, group, first, *places)
 
     def generate(context, builder, signature, arguments):
         places, stride = range(3, 3 + 2 * len(groups), 2), ir.Constant(ir.IntType(64), BATCH_SIZE)
         outs = [(data_of(context, builder, signature.args[k], arguments[k]), arguments[k + 1]) for k in places]
         reader = _PlaneReader(context, builder, signature, arguments)
-        with side_by_side(builder, reader.n_entry, LANES) as (first, samples):
+        with side_by_side(builder, reader.n_packed, LANES) as (first, samples):
             located = tee(reader.locate(samples), len(groups))
             for rows, pairs, (out, start) in zip(groups, located, outs, strict=True):
                 if rows.has_range:
@@ -187,13 +187,13 @@ def _build_evaluation(groups, entries, group):
 
 
 class _PlaneReader:
-    """The records that entries show, and where the samples of a row lie in them."""
+    """The setups that packed samples show, and where the samples of a row lie in them."""
 
     def __init__(self, context, builder, signature, arguments):
-        entries = context.make_array(signature.args[0])(context, builder, arguments[0])
+        packed = context.make_array(signature.args[0])(context, builder, arguments[0])
         numbers, self._mask, self._shift, self._column = cgutils.unpack_tuple(builder, arguments[1])
         self._numbers = data_of(context, builder, signature.args[1][0], numbers)
-        self._builder, self._entries, self.n_entry = builder, entries.data, entries.nitems
+        self._builder, self._packed, self.n_packed = builder, packed.data, packed.nitems
         unlimited = ir.Constant(_REALS, [-math.inf] * PLANE_GROUP + [math.inf] * PLANE_GROUP)
         unlimited = cgutils.alloca_once_value(builder, unlimited)
         self._unlimited = builder.bitcast(unlimited, ir.FloatType().as_pointer())
@@ -205,31 +205,31 @@ class _PlaneReader:
         self._position = cgutils.alloca_once_value(builder, builder.add(first, _right(0, PLANE_GROUP)))
 
     def locate(self, samples):
-        """The records of LANES samples, and how far these lie across and down in them: of each of the first four and of
+        """The setups of LANES samples, and how far these lie across and down in them: of each of the first four and of
         the fourth after it, side by side. Moves on by as many; a pair is looked for when it is asked for."""
         builder = self._builder
         position = builder.load(self._position)
         builder.store(builder.add(position, _right(LANES, LANES)), self._position)
         for j in range(PLANE_GROUP):
-            records = [self._record(samples[k]) for k in (j, j + PLANE_GROUP)]
+            setups = [self._setup(samples[k]) for k in (j, j + PLANE_GROUP)]
             here = builder.add(position, _right(j, j))
-            offset = builder.sitofp(builder.sub(here, self._load(records, 0, _WHOLES)), _REALS)
+            offset = builder.sitofp(builder.sub(here, self._load(setups, 0, _WHOLES)), _REALS)
             across, down = (
                 shuffle(builder, offset, offset, [lane] * PLANE_GROUP + [lane + PLANE_GROUP] * PLANE_GROUP)
                 for lane in _ANCHOR
             )
-            yield records, across, down
+            yield setups, across, down
 
-    def _record(self, k):
-        """The address of the record that sample k shows."""
-        number = _record_number(self._builder, self._builder.load(self._builder.gep(self._entries, [k])), self._mask)
+    def _setup(self, k):
+        """The address of the setup that sample k shows."""
+        number = _setup_number(self._builder, self._builder.load(self._builder.gep(self._packed, [k])), self._mask)
         return self._builder.gep(self._numbers, [self._builder.shl(number, self._shift)])
 
     def read(self, located, rows):
         """The values of four planes at two samples; and their slopes, where these are asked for."""
-        builder, (records, across, down) = self._builder, located
+        builder, (setups, across, down) = self._builder, located
         column = builder.add(self._column, ir.Constant(ir.IntType(64), rows.column))
-        planes = [builder.gep(record, [column]) for record in records]
+        planes = [builder.gep(setup, [column]) for setup in setups]
         value, dx, dy = (self._load(planes, part * PLANE_GROUP, FLOATS) for part in range(3))
         value = builder.fadd(builder.fadd(value, builder.fmul(across, dx)), builder.fmul(down, dy))
         return (value, dx, dy) if rows.has_slopes else (value,)
@@ -240,19 +240,19 @@ class _PlaneReader:
         (value,) = self.read(located, _Rows(None, 0, has_slopes=False))
         lanes = [lane for lane in pair for _ in range(PLANE_GROUP)]
         value = builder.fmul(value, shuffle(builder, factors, factors, lanes))
-        ranges = [self._range(samples[k], record) for k, record in zip(pair, located[0], strict=True)]
+        ranges = [self._range(samples[k], setup) for k, setup in zip(pair, located[0], strict=True)]
         for comparison, part in ((">", 0), ("<", 1)):  # of what is no number the least
             limit = self._load(ranges, part * PLANE_GROUP, FLOATS)
             value = builder.select(builder.fcmp_ordered(comparison, value, limit), value, limit)
         return value
 
-    def _range(self, k, record):
+    def _range(self, k, setup):
         """The address of the least and greatest values of sample k: behind weighted planes; others have none."""
-        builder, entry_bit = self._builder, ir.Constant(ir.IntType(64), int(IS_WEIGHTED))
-        entry = builder.load(builder.gep(self._entries, [k]))
-        is_weighted = builder.icmp_unsigned("!=", builder.and_(entry, entry_bit), entry_bit.type(0))
+        builder, weighted_bit = self._builder, ir.Constant(ir.IntType(64), int(IS_WEIGHTED))
+        packed = builder.load(builder.gep(self._packed, [k]))
+        is_weighted = builder.icmp_unsigned("!=", builder.and_(packed, weighted_bit), weighted_bit.type(0))
         behind = builder.add(self._column, ir.Constant(ir.IntType(64), 3 * PLANE_GROUP))
-        return builder.select(is_weighted, builder.gep(record, [behind]), self._unlimited)
+        return builder.select(is_weighted, builder.gep(setup, [behind]), self._unlimited)
 
     def _load(self, addresses, offset, llvm_type):
         """Four numbers each from two addresses, side by side."""
@@ -271,11 +271,12 @@ def _right(first, second):
     return ir.Constant(_EDGES, [step if lane == x else 0 for step in (first, second) for lane in range(PLANE_GROUP)])
 
 
-def _record_number(builder, entry, mask):
-    """The bits of an entry that are the index of a record; 0 where it holds none, as the next samples of a row may."""
-    one, bit = (ir.Constant(ir.IntType(64), number) for number in (1, LEVEL_BITS))
-    is_id = builder.and_(builder.lshr(entry, bit), one)
-    return builder.and_(builder.and_(entry, mask), builder.neg(is_id))
+def _setup_number(builder, packed, mask):
+    """The bits of a packed sample that are the index of a setup; 0 where it holds none, as the next samples of a row
+    may."""
+    one, bit = (ir.Constant(ir.IntType(64), number) for number in (1, INTENSITY_BITS))
+    is_id = builder.and_(builder.lshr(packed, bit), one)
+    return builder.and_(builder.and_(packed, mask), builder.neg(is_id))
 
 
 # ---------------------------------------------------------------- texels

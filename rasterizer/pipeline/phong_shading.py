@@ -1,6 +1,6 @@
 """Stage 6, shade, of Phong's method: the illumination of a band's visible samples.
 
-In:  the band's visibility entries and records (scan.py, records.py).
+In:  the band's packed samples and setups (scan.py, triangle_setups.py).
 Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
 
 Normals are interpolated, and the illumination equation (lighting.py) is evaluated at every visible sample: in batches
@@ -34,13 +34,13 @@ from .interpolate import (
     sample_weights,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
-from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values, evaluate_with_slopes
 from .setup import inverse_sum
 from .shade import fill_weights
 from .texcoords import S_PLANE
 from .texturing import RED, look_up_colors, put_in_metals
-from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, record_of, stretch_of, strip_of
+from .triangle_setups import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
+from .visibility import IS_ID, PAYLOAD_BITS, next_stretch, setup_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
@@ -54,12 +54,12 @@ def shade_lit(band, screen, lighting, face_planes, tangent_attribute, texturing,
 
     Parameters
     ----------
-    band : ScannedBand. Attributes 0-2 of its records are the normals, 3-5 the albedo (only of materials that have one)
+    band : ScannedBand. Attributes 0-2 of its setups are the normals, 3-5 the albedo (only of materials that have one)
     screen : Screen
     lighting : Lighting (lighting.py)
     face_planes : (n_face, 5) float64: plane and longest side of every triangle, see shadow_lookup.py; read only for
         shadows
-    tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
+    tangent_attribute : the first of three attributes that are tangents, of setups all of which are exact; None where
         no material needs them: then they are not compiled
     texturing : Texturing; None where there are no textures
     batch : see fragments.py, float32 or float64
@@ -73,20 +73,20 @@ def shade_lit(band, screen, lighting, face_planes, tangent_attribute, texturing,
             start = j * visibility.pitch + first
             end, material = stretch_of(visibility, strip_of(j), first, right, shown.material)
             n = min(end - first, BATCH_SIZE)
-            n, is_blank = next_stretch(visibility.entries[start : start + n])
+            n, is_blank = next_stretch(visibility.packed[start : start + n])
             if is_blank:
                 material = -1
             elif material < 0:
-                n, material = run_of_material(visibility.entries[start : start + n], band, shown)
+                n, material = run_of_material(visibility.packed[start : start + n], band, shown)
             elif not is_lit_here(material, band, shown):
                 n, material = end - first, -1
-            entries = visibility.entries[start : start + n]
+            packed = visibility.packed[start : start + n]
             if material >= 0:
                 where = first, y
-                is_in_planes = gather_fragments(batch, entries, band, where, material, texturing, screen)
-                interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
-                weight_albedo(entries, band, where, material, texturing, start, is_in_planes, batch)
-                gather_face_planes(entries, band.records, lighting.shadows, face_planes, screen.eye, batch)
+                is_in_planes = gather_fragments(batch, packed, band, where, material, texturing, screen)
+                interpolate_tangents(packed, band.setups, where, tangent_attribute, batch)
+                weight_albedo(packed, band, where, material, texturing, start, is_in_planes, batch)
+                gather_face_planes(packed, band.setups, lighting.shadows, face_planes, screen.eye, batch)
                 n_side = count_side_by_side(batch, n)
                 normalize_normals(batch, n_side)
                 if lighting.needs_view or lighting.needs_position:
@@ -118,23 +118,23 @@ def is_lit_here(material, band, shown):
 
 
 @helper
-def run_of_material(entries, band, shown):
+def run_of_material(packed, band, shown):
     """Return the length of a run of samples, and the one material that is to be lit there; -1 where there is none.
 
     Samples that show nothing, or what is not lit by this call, belong to any run. But those that were lit by the call
     before, in float32, belong to none.
     """
     material, is_second = -1, shown.is_double and not shown.is_all
-    for k in range(len(entries)):
+    for k in range(len(packed)):
         here = -1
-        if entries[k] & IS_ID:
-            here = material_of(entries[k], band.records)
+        if packed[k] & IS_ID:
+            here = material_of(packed[k], band.setups)
             here = here if is_lit_here(here, band, shown) else -1
         if here != material and (here >= 0 or is_second):
             if material >= 0 or (is_second and k > 0):
                 return k, material
             material = here
-    return len(entries), material
+    return len(packed), material
 
 
 @helper
@@ -153,25 +153,25 @@ def write_radiance(batch, n, n_channel, tint, out_radiance, start):
 
 
 @helper
-def gather_single(batch, entries, band, first, material, texturing, screen):
+def gather_single(batch, packed, band, first, material, texturing, screen):
     """Fill normals, distances and albedo of the samples in float32, and evaluate planes of texture coordinates for
     them; `first` says where they lie (samples.py). Return whether any sample shows planes.
 
     Samples that show nothing get anything.
     """
-    shows_planes = band.counts.n_exact == 0 or has_planes(entries)
+    shows_planes = band.counts.n_exact == 0 or has_planes(packed)
     if shows_planes:
-        evaluate_fragments(entries, band, first, material, texturing, screen.is_perspective, batch)
-    gather_exact(batch, entries, band, first, material, texturing, screen)
+        evaluate_fragments(packed, band, first, material, texturing, screen.is_perspective, batch)
+    gather_exact(batch, packed, band, first, material, texturing, screen)
     return shows_planes
 
 
 @helper
-def gather_exact(batch, entries, band, first, material, texturing, screen):
-    """The same where no sample shows planes, in either type: what is lit in float64 stands in exact records."""
+def gather_exact(batch, packed, band, first, material, texturing, screen):
+    """The same where no sample shows planes, in either type: what is lit in float64 stands in exact setups."""
     has_albedo = band.coding.features[material] & HAS_ALBEDO != 0
-    if band.counts.n_exact > 0 and has_exact(entries):
-        interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, batch)
+    if band.counts.n_exact > 0 and has_exact(packed):
+        interpolate_fragments(packed, band, first, has_albedo, screen.is_perspective, batch)
     return False
 
 
@@ -179,44 +179,44 @@ gather_fragments = by_type(gather_single, gather_exact)
 
 
 @helper
-def evaluate_fragments(entries, band, first, material, texturing, is_perspective, batch):
+def evaluate_fragments(packed, band, first, material, texturing, is_perspective, batch):
     """Fill what stands in planes: normals, texture coordinates, albedo; and distances."""
     depths, features = band.coding.depths, band.coding.features[material]
-    group = plane_group(band.records, NORMALS)
+    group = plane_group(band.setups, NORMALS)
     if texturing is None:
-        evaluate_planes(entries, group, first, batch, f.NORMAL)
+        evaluate_planes(packed, group, first, batch, f.NORMAL)
     elif features & HAS_TEXTURE:  # texture coordinates stand right behind the normals, so both come in one go
-        evaluate_with_slopes(entries, group, first, batch, f.NORMAL, texturing.batch, S_PLANE)
+        evaluate_with_slopes(packed, group, first, batch, f.NORMAL, texturing.batch, S_PLANE)
     else:
-        evaluate_planes(entries, group, first, batch, f.NORMAL)
+        evaluate_planes(packed, group, first, batch, f.NORMAL)
     if features & HAS_ALBEDO:
-        fill_weights(entries, depths, batch)
-        group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if features & HAS_TEXTURE else 0))
-        evaluate_values(entries, group, first, batch, f.ALBEDO, f.WEIGHT)
+        fill_weights(packed, depths, batch)
+        group = plane_group(band.setups, BEHIND_NORMALS + (PLAIN_GROUP if features & HAS_TEXTURE else 0))
+        evaluate_values(packed, group, first, batch, f.ALBEDO, f.WEIGHT)
     if band.coding.needs_distance:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
-        for k in range(len(entries)):
-            z = float(entries[k] >> PAYLOAD_BITS)
+        for k in range(len(packed)):
+            z = float(packed[k] >> PAYLOAD_BITS)
             inverse = np.float32(1) / np.float32(offset + step * z)
             along = np.float32(depths.depth_offset + depths.depth_scale * z)
             batch[f.DISTANCE + k] = inverse if is_perspective else along
 
 
 @helper
-def interpolate_fragments(entries, band, first, has_albedo, is_perspective, batch):
-    """Put in the normals, distances and albedo of exact records; `first` says where they lie (samples.py)."""
-    records, real, is_double = band.records, batch.dtype.type, batch.itemsize == 8
-    start, end = next_exact_run(entries, 0)
+def interpolate_fragments(packed, band, first, has_albedo, is_perspective, batch):
+    """Put in the normals, distances and albedo of exact setups; `first` says where they lie (samples.py)."""
+    setups, real, is_double = band.setups, batch.dtype.type, batch.itemsize == 8
+    start, end = next_exact_run(packed, 0)
     while start < end:
-        if bool(band.coding.features[material_of(entries[start], records)] & DOUBLE_PRECISION) != is_double:
-            start, end = next_exact_run(entries, end)
+        if bool(band.coding.features[material_of(packed[start], setups)] & DOUBLE_PRECISION) != is_double:
+            start, end = next_exact_run(packed, end)
             continue
-        record = record_of(entries[start])
-        triangle, side = exact_triangle(records, record), real(records.integers[record, SIDE])
-        normals = rounded_vectors(corner_vectors(records, record, 0), real)
-        exact_depths = corner_values(records.reals, record, DEPTH)
+        setup = setup_of(packed[start])
+        triangle, side = exact_triangle(setups, setup), real(setups.integers[setup, SIDE])
+        normals = rounded_vectors(corner_vectors(setups, setup, 0), real)
+        exact_depths = corner_values(setups.reals, setup, DEPTH)
         depths = rounded(exact_depths, real)
-        colors = rounded_vectors(corner_vectors(records, record, 3), real) if has_albedo else normals
+        colors = rounded_vectors(corner_vectors(setups, setup, 3), real) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes longer.
         for k in range(start, end):
             q0, q1, q2 = sample_weights(triangle, first, k)
@@ -231,7 +231,7 @@ def interpolate_fragments(entries, band, first, has_albedo, is_perspective, batc
                 batch[f.DISTANCE + k] = mean(depths, p)
             if has_albedo:
                 set_vector(batch, f.ALBEDO, k, mean_vector(colors, p))
-        start, end = next_exact_run(entries, end)
+        start, end = next_exact_run(packed, end)
 
 
 @helper
@@ -241,32 +241,32 @@ def rounded_vectors(corners, real):
 
 
 @helper
-def interpolate_tangents(entries, records, first, tangent_attribute, batch):
-    """Put in the tangents, if there are any, of exact records; their sign doesn't matter."""
+def interpolate_tangents(packed, setups, first, tangent_attribute, batch):
+    """Put in the tangents, if there are any, of exact setups; their sign doesn't matter."""
     if tangent_attribute is not None:
         real = batch.dtype.type
-        start, end = next_exact_run(entries, 0)
+        start, end = next_exact_run(packed, 0)
         while start < end:
-            record = record_of(entries[start])
-            triangle = exact_triangle(records, record)
-            tangents = corner_vectors(records, record, tangent_attribute)
+            setup = setup_of(packed[start])
+            triangle = exact_triangle(setups, setup)
+            tangents = corner_vectors(setups, setup, tangent_attribute)
             for k in range(start, end):
                 q = sample_weights(triangle, first, k)
                 p = rounded(scale(q, inverse_sum(q)), real)
                 set_vector(batch, f.TANGENT, k, mean_vector(tangents, p))
-            start, end = next_exact_run(entries, end)
+            start, end = next_exact_run(packed, end)
 
 
 @helper
-def weight_albedo(entries, band, first, material, texturing, start, is_in_planes, batch):
+def weight_albedo(packed, band, first, material, texturing, start, is_in_planes, batch):
     """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that.
 
     Put in what says how metallic and rough the surface is, too.
     """
-    features, n = band.coding.features[material], len(entries)
+    features, n = band.coding.features[material], len(packed)
     if texturing is not None:
         if features & HAS_TEXTURE:
-            look_up_colors(entries, band, first, material, texturing, start, is_in_planes)
+            look_up_colors(packed, band, first, material, texturing, start, is_in_planes)
             for channel in range(3):
                 albedo, texel = f.ALBEDO + channel * f.NEXT, RED + channel * f.NEXT
                 if features & HAS_ALBEDO:
@@ -275,17 +275,17 @@ def weight_albedo(entries, band, first, material, texturing, start, is_in_planes
                 else:
                     for k in range(n):
                         batch[albedo + k] = texturing.batch[texel + k]
-        put_in_metals(texturing.metals, entries, band, first, material, texturing, batch)
+        put_in_metals(texturing.metals, packed, band, first, material, texturing, batch)
 
 
 @helper
-def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
+def gather_face_planes(packed, setups, shadows, face_planes, eye, batch):
     """Fill what shadows need, if there are any: the planes of the visible polygons, relative to the eye, and their
     longest sides."""
     if shadows is not None:
         eye = read_vector(eye, 0)
-        for k in range(len(entries)):
-            face = face_of(entries[k], records) if entries[k] & IS_ID else 0
+        for k in range(len(packed)):
+            face = face_of(packed[k], setups) if packed[k] & IS_ID else 0
             normal = face_planes[face, 0], face_planes[face, 1], face_planes[face, 2]
             set_vector(batch, f.FACE_NORMAL, k, normal)
             batch[f.FACE_OFFSET + k] = face_planes[face, 3] - dot(normal, eye)

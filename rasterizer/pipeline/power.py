@@ -1,7 +1,7 @@
 """Powers of cosines, valid whatever they are given, and how near to 0 a cosine counts as 0.
 
 Highlights and spot lights are made of them. A number that leaves them is within 0..1: what is written into visibility
-entries and records relies on it. Each has a form for float32 and one for float64; the compiler takes that of the
+packed samples and setups relies on it. Each has a form for float32 and one for float64; the compiler takes that of the
 argument's type, as plain Python does.
 """
 

@@ -1,6 +1,6 @@
 """Stage 7, resolve: a band's intensities into pixels of the picture, and these into bytes, while they are in the cache.
 
-In:  the band's visibility entries (what is covered) and radiance (linear intensities).
+In:  the band's packed samples (what is covered) and radiance (linear intensities).
 Out: all of the band's rows of the picture: linear colour float32, and 8 bits a channel. The visibility buffer is left
      clear for the next band.
 
@@ -114,7 +114,7 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
             n, is_blank, here = np.int64(min(stretch_end - left, BATCH_SIZE)), False, (row, left)
             if factor == 1 and not is_weighted:
                 start = row * visibility.pitch + left
-                n, is_blank = next_stretch(visibility.entries[start : start + n])
+                n, is_blank = next_stretch(visibility.packed[start : start + n])
                 n = n if is_blank else min(filled_up(n), stretch_end - left)
             if is_blank:
                 fill_blank(out, j, left, left + n, encoding)
@@ -246,18 +246,18 @@ def average_single(visibility, radiance, translucent, first, n, batch):
     if translucent is not None:
         return weight_single_samples(visibility, radiance, translucent, first, n, batch.values)
     start = first[0] * visibility.pitch + first[1]
-    return gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
+    return gather_samples(visibility.packed[start : start + n], radiance, start, batch.values)
 
 
 @helper
-def gather_samples(entries, radiance, start, pixels):
+def gather_samples(packed, radiance, start, pixels):
     """Copy one sample a pixel: its intensities and its coverage; return how many are covered."""
-    n = len(entries)
+    n = len(packed)
     zero, one = np.float32(0), np.float32(1)
     n_covered = 0
     for i in range(n):
-        n_covered += entries[i] < CLEAR
-        pixels[ALPHA + i] = one if entries[i] < CLEAR else zero
+        n_covered += packed[i] < CLEAR
+        pixels[ALPHA + i] = one if packed[i] < CLEAR else zero
     for channel in range(radiance.shape[0]):
         source, target = radiance[channel, start : start + n], channel * NEXT
         for i in range(n):
@@ -270,15 +270,15 @@ def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
     """Copy one sample a pixel and its opacity; return how many show anything."""
     (row, left), n_covered = first, 0
     start, sample = row * visibility.pitch + left, translucent.columns[row] + left
-    entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
+    packed, opacity = visibility.packed[start : start + n], translucent.opacity[sample : sample + n]
     for i in range(n):
-        weight = 1.0 if entries[i] < CLEAR else opacity[i]
+        weight = 1.0 if packed[i] < CLEAR else opacity[i]
         n_covered += weight > 0.0
         pixels[ALPHA + i] = weight
     for channel in range(radiance.shape[0]):
         source, target = radiance[channel, start : start + n], channel * NEXT
         for i in range(n):
-            is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
+            is_seen = (packed[i] < CLEAR) | (opacity[i] > 0.0)
             pixels[target + i] = np.float32(source[i]) if is_seen else np.float32(0)
     return n_covered
 
@@ -289,7 +289,7 @@ def average_several(visibility, radiance, translucent, first, grid, n, batch):
     (row, left), pitch, n_seen, factor = first, visibility.pitch, 0, factor_of(grid)
     for skipped in range(0, n, PIECE):
         n_here, column = min(n - skipped, PIECE), (left + skipped) * factor
-        n_opaque = count_opaque(visibility.entries, pitch, (row, column), factor, n_here)
+        n_opaque = count_opaque(visibility.packed, pitch, (row, column), factor, n_here)
         if n_opaque == np.int64(n_here * factor * factor):
             average_opaque(radiance, pitch, (row, column), factor, skipped, n_here, batch.values)
         elif n_opaque == 0 and translucent is None:
@@ -312,12 +312,12 @@ def clear_pixels(pixels, skipped, n):
 
 
 @helper
-def count_opaque(entries, pitch, first, factor, n):
+def count_opaque(packed, pitch, first, factor, n):
     """Count the samples of n pixels in which something opaque is seen; `first` is the row and column of samples."""
     n_opaque, n_sample = 0, n * factor
     for sub in range(factor):
         start = (first[0] + sub) * pitch + first[1]
-        of_row = entries[start : start + n_sample]
+        of_row = packed[start : start + n_sample]
         for k in range(n_sample):
             n_opaque += of_row[k] < CLEAR
     return n_opaque
@@ -370,10 +370,10 @@ def fill_opacities(visibility, translucent, first, n, weights):
     """
     (row, left), n_seen, zero, one = first, 0, np.float64(0), np.float64(1)
     start = row * visibility.pitch + left
-    entries = visibility.entries[start : start + n]
+    packed = visibility.packed[start : start + n]
     for k in range(n):
-        weights[k] = one if entries[k] < CLEAR else zero
-        n_seen += entries[k] < CLEAR
+        weights[k] = one if packed[k] < CLEAR else zero
+        n_seen += packed[k] < CLEAR
     if translucent is not None:
         strip = strip_of(row)
         begin, end = max(left, translucent.left[strip]), min(left + n, translucent.right[strip])
@@ -382,7 +382,7 @@ def fill_opacities(visibility, translucent, first, n, weights):
             before, n_here = begin - left, end - begin
             opacity = translucent.opacity[sample : sample + n_here]
             for k in range(n_here):
-                is_behind = entries[before + k] >= CLEAR
+                is_behind = packed[before + k] >= CLEAR
                 weights[before + k] = opacity[k] if is_behind else one
                 n_seen += is_behind & (opacity[k] > zero)
     return n_seen

@@ -1,10 +1,10 @@
-"""The samples of a batch, and planes of records there.
+"""The samples of a batch, and planes of setups there.
 
 The stages behind scan work on batches of samples side by side in a row of a band. A parameter `first` is the sample
 (x, y) where a batch begins.
 
-Planes stand in records (records.py), four side by side. They are evaluated by vector instructions, which intrinsics.py
-spells out for the compiler: it wouldn't find them for loops of four planes by itself.
+Planes stand in setups (triangle_setups.py), four side by side. They are evaluated by vector instructions, which
+intrinsics.py spells out for the compiler: it wouldn't find them for loops of four planes by itself.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, spelled_out
 from .fragments import NEXT
-from .visibility import IS_WEIGHTED, LEVEL_BITS
+from .visibility import INTENSITY_BITS, IS_WEIGHTED
 
 
 @helper
@@ -24,37 +24,37 @@ def skip_to(first, k):
 
 # ---------------------------------------------------------------- planes
 
-PLANE_GROUP = 4  # planes that stand side by side in a record, and samples whose texels are read so
+PLANE_GROUP = 4  # planes that stand side by side in a setup, and samples whose texels are read so
 
 
 class PlaneGroup(NamedTuple):
-    """Four planes of every record, side by side: PLANE_GROUP values, as many d/dx, as many d/dy; then, where samples
+    """Four planes of every setup, side by side: PLANE_GROUP values, as many d/dx, as many d/dy; then, where samples
     must stay within a range, as many least and greatest values."""
 
-    numbers: np.ndarray  # (n << shift,) float32, the records
-    record_mask: int  # int64, the bits of an entry that are the index of a record
-    shift: int  # int64: a record begins at these bits shifted left
-    column: int  # int64, where the group begins in a record
+    numbers: np.ndarray  # (n << shift,) float32, the setups
+    setup_mask: int  # int64, the bits of a packed sample that are the index of a setup
+    shift: int  # int64: a setup begins at these bits shifted left
+    column: int  # int64, where the group begins in a setup
 
 
 @spelled_out("build_planes_of_row")
-def evaluate_planes(entries, group, first, out, start):
+def evaluate_planes(packed, group, first, out, start):
     """Evaluate a group of four planes at the samples of a batch: the inner loop of the shade stage.
 
-    The second and third number of a record are whole ones: the sample at which its planes have their values. Float32 is
+    The second and third number of a setup are whole ones: the sample at which its planes have their values. Float32 is
     rounded after each operation, in this order. Samples up to the next multiple of LANES may be read and written, too.
 
     Parameters
     ----------
-    entries : (n,) int64; of those without the index of a record, the values of record 0
+    packed : (n,) int64; of those without the index of a setup, the values of setup 0
     group : PlaneGroup
     first : the sample (x, y) that the batch begins with
     out : (n,) float32; written from `start` on, a row a plane, NEXT apart, as a batch has them
     """
-    for k in range(len(entries)):
-        record = record_number(entries[k], group)
-        across, down = offset_of_sample(first, k, group, record)
-        write_row(out, start + k, values_of_planes(group.numbers, record + group.column, across, down))
+    for k in range(len(packed)):
+        setup = setup_number(packed[k], group)
+        across, down = offset_of_sample(first, k, group, setup)
+        write_row(out, start + k, values_of_planes(group.numbers, setup + group.column, across, down))
 
 
 @helper
@@ -65,10 +65,10 @@ def write_row(rows, place, values):
 
 
 @helper
-def record_number(entry, group):
-    """Return where the record that an entry shows begins; 0 where it shows none."""
-    mask = group.record_mask if entry >> LEVEL_BITS & 1 else 0
-    return (entry & mask) << group.shift
+def setup_number(packed, group):
+    """Return where the setup that a packed sample shows begins; 0 where it shows none."""
+    mask = group.setup_mask if packed >> INTENSITY_BITS & 1 else 0
+    return (packed & mask) << group.shift
 
 
 @helper
@@ -91,17 +91,17 @@ def value_beside(numbers, plane, across, down):
 
 
 @helper
-def offset_of_sample(first, k, group, record):
-    """Return how far sample k lies across and down from the one at which the planes of a record have their values,
+def offset_of_sample(first, k, group, setup):
+    """Return how far sample k lies across and down from the one at which the planes of a setup have their values,
     float32."""
-    anchor = anchor_of(group, record)
+    anchor = anchor_of(group, setup)
     return np.float32(first[0] + k - anchor[0]), np.float32(first[1] - anchor[1])
 
 
 @helper
-def anchor_of(group, record):
-    """Return the sample at which the planes of a record have their values: where four numbers are whole ones' bits."""
-    x, y = np.float32(group.numbers[record + 1]), np.float32(group.numbers[record + 2])
+def anchor_of(group, setup):
+    """Return the sample at which the planes of a setup have their values: where four numbers are whole ones' bits."""
+    x, y = np.float32(group.numbers[setup + 1]), np.float32(group.numbers[setup + 2])
     return np.int64(x.view(np.int32)), np.int64(y.view(np.int32))
 
 
@@ -109,20 +109,20 @@ def anchor_of(group, record):
 
 
 @spelled_out("build_values_of_row")
-def evaluate_values(entries, group, first, out, start, weights):
+def evaluate_values(packed, group, first, out, start, weights):
     """Evaluate a group of four planes as `evaluate_planes` does, multiply, and keep what is weighted within its range.
 
     Parameters
     ----------
-    group : PlaneGroup, in whose records the least values stand behind weighted planes, then the greatest
+    group : PlaneGroup, in whose setups the least values stand behind weighted planes, then the greatest
     out : (n,) float32, to which the rows are written
     weights : int64, where in `out` the factors of the samples begin
     """
     numbers, behind = group.numbers, 3 * PLANE_GROUP
-    for k in range(len(entries)):
-        record, is_weighted = record_number(entries[k], group), entries[k] & IS_WEIGHTED != 0
-        across, down = offset_of_sample(first, k, group, record)
-        plane, weight = record + group.column, out[weights + k]
+    for k in range(len(packed)):
+        setup, is_weighted = setup_number(packed[k], group), packed[k] & IS_WEIGHTED != 0
+        across, down = offset_of_sample(first, k, group, setup)
+        plane, weight = setup + group.column, out[weights + k]
         v0, v1, v2, v3 = values_of_planes(numbers, plane, across, down)
         values = (
             within(v0 * weight, numbers, plane + behind, is_weighted),
@@ -146,37 +146,37 @@ def within(value, numbers, min_at, has_range):
 
 
 @spelled_out("build_both_of_row")
-def evaluate_with_slopes(entries, group, first, out, start, behind, behind_start):
+def evaluate_with_slopes(packed, group, first, out, start, behind, behind_start):
     """Evaluate a group of four planes into four rows of `out`, and the group that stands right behind it, with slopes,
     into ten rows of `behind`, which begin at `behind_start`.
 
     See `evaluate_planes` and `evaluate_slopes`.
     """
-    evaluate_planes(entries, group, first, out, start)
-    evaluate_slopes(entries, group_behind(group), first, behind, behind_start)
+    evaluate_planes(packed, group, first, out, start)
+    evaluate_slopes(packed, group_behind(group), first, behind, behind_start)
 
 
 @helper
 def group_behind(group):
     """Return the group of planes that stands right behind another one."""
-    return PlaneGroup(group.numbers, group.record_mask, group.shift, group.column + 3 * PLANE_GROUP)
+    return PlaneGroup(group.numbers, group.setup_mask, group.shift, group.column + 3 * PLANE_GROUP)
 
 
 @spelled_out("build_slopes_of_row")
-def evaluate_slopes(entries, group, first, out, start):
+def evaluate_slopes(packed, group, first, out, start):
     """Evaluate a group of four planes as `evaluate_planes` does, and copy the slopes of three for each sample.
 
     Ten rows are written: the planes, then d/dx of the first three, then d/dy of these.
     """
-    evaluate_planes(entries, group, first, out, start)
-    copy_slopes(entries, group, out, start)
+    evaluate_planes(packed, group, first, out, start)
+    copy_slopes(packed, group, out, start)
 
 
 @helper
-def copy_slopes(entries, group, out, start):
+def copy_slopes(packed, group, out, start):
     """Copy the slopes of three planes for each sample: d/dx of each, then d/dy, behind the planes."""
-    for k in range(len(entries)):
-        first = record_number(entries[k], group) + group.column + PLANE_GROUP
+    for k in range(len(packed)):
+        first = setup_number(packed[k], group) + group.column + PLANE_GROUP
         for i in range(PLANE_GROUP - 1):
             out[start + (PLANE_GROUP + i) * NEXT + k] = group.numbers[first + i]
             out[start + (2 * PLANE_GROUP - 1 + i) * NEXT + k] = group.numbers[first + PLANE_GROUP + i]

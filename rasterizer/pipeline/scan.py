@@ -1,16 +1,17 @@
 """Stage 5, scan: the triangles of one band into its visibility buffer.
 
 In:  the band's list of triangles, in face order, and the vertices on the screen.
-Out: the nearest entry at every sample of the band (visibility.py), and a record for every triangle whose samples are
-     shaded later (records.py). Of transparent surfaces a list of triangles instead, for the A-buffer (a_buffer.py).
+Out: the nearest packed sample at every sample of the band (visibility.py), and a setup for every triangle whose samples
+     are shaded later (triangle_setups.py). Of transparent surfaces a list of triangles instead, for the A-buffer
+     (a_buffer.py).
 
 Triangles are set up a block at a time (setup.py), their attributes get planes (gradients.py), and their samples are
 filled one after the other.
 
-A plane of entries is anchored at the first sample of the part of the triangle's box that lies right of and below the
-picture's upper left corner, and integer addition is associative: an entry is a function of triangle and sample alone,
-not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right
-entry all the same, because the entry itself fits.
+A plane of packed samples is anchored at the first sample of the part of the triangle's box that lies right of and below
+the picture's upper left corner, and integer addition is associative: a packed sample is a function of triangle and
+sample alone, not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives
+the right packed sample all the same, because the packed sample itself fits.
 
     top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
        /\\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs to
@@ -28,9 +29,9 @@ from ..compiler.kernels import helper, kernel, spelled_out
 from . import setup as s
 from .cull import first_sample
 from .cut_outs import cut_out_of, is_there, threshold_of
-from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_levels, compute_normals
-from .records import write_exact, write_normals, write_values
+from .gradients import IS_INVISIBLE, IS_TRANSPARENT, clear_planes, compute_intensities, compute_normals
 from .transform import HALF, SUBPIXEL
+from .triangle_setups import write_exact, write_normals, write_values
 from .visibility import (
     DEPTH_MASK,
     IS_EXACT,
@@ -45,7 +46,7 @@ from .visibility import (
     pack,
 )
 
-MAX_EXTENT = 128  # columns and rows together of the box of a triangle whose entries tell its depths, see buffers.py
+MAX_EXTENT = 128  # columns and rows together of the box of a triangle whose packed samples tell its depths: buffers.py
 
 
 class ScanCounts(NamedTuple):
@@ -62,8 +63,8 @@ class Deferred(NamedTuple):
     """The triangles of a band through which what is behind them is seen: not drawn, but listed (a_buffer.py)."""
 
     faces: np.ndarray  # (n,) uint32, room for all triangles of the band
-    payloads: np.ndarray  # (n,) int64: what stands below the depth in their entries
-    extents: VisibilityBuffer  # without entries: where they may be seen, and what materials
+    payloads: np.ndarray  # (n,) int64: what stands below the depth in their packed samples
+    extents: VisibilityBuffer  # without packed samples: where they may be seen, and what materials
     found: np.ndarray  # (4,) int64: how many there are, and of ScanCounts n_plane, n_exact and features
 
     @property
@@ -88,7 +89,7 @@ def make_deferred(n, extents) -> Deferred:
     return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), extents, np.zeros(4, np.int64))
 
 
-def scan(band, drawables, coding, block, visibility, records, deferred) -> ScanCounts:
+def scan(band, drawables, coding, block, visibility, setups, deferred) -> ScanCounts:
     """Draw a band's triangles; return what was found.
 
     Parameters
@@ -98,31 +99,33 @@ def scan(band, drawables, coding, block, visibility, records, deferred) -> ScanC
     coding : Coding
     block : Block, scratch
     visibility : VisibilityBuffer, clear; written
-    records : Records, with room for all triangles; written
+    setups : Setups, with room for all triangles; written
     deferred : Deferred, written; or None where all materials are opaque: then nothing of it is compiled
     """
-    kernel = scan_levels if coding.level_scale > 0.0 else scan_normals
-    return ScanCounts(*kernel(band, drawables, coding, block, visibility, records, deferred))
+    kernel = scan_intensities if coding.intensity_scale > 0.0 else scan_normals
+    return ScanCounts(*kernel(band, drawables, coding, block, visibility, setups, deferred))
 
 
 @kernel
-def scan_levels(band, drawables, coding, block, visibility, records, deferred):
+def scan_intensities(band, drawables, coding, block, visibility, setups, deferred):
     """Draw a band's triangles, whose attributes are intensities; see `scan`. Return the fields of ScanCounts."""
-    return scan_blocks(band, drawables, coding, block, (visibility, records), deferred, compute_levels, write_values)
+    return scan_blocks(
+        band, drawables, coding, block, (visibility, setups), deferred, compute_intensities, write_values
+    )
 
 
 @kernel
-def scan_normals(band, drawables, coding, block, visibility, records, deferred):
+def scan_normals(band, drawables, coding, block, visibility, setups, deferred):
     """Draw a band's triangles, whose attributes are normals; see `scan`. Return the fields of ScanCounts."""
-    return scan_blocks(band, drawables, coding, block, (visibility, records), deferred, compute_normals, write_normals)
+    return scan_blocks(band, drawables, coding, block, (visibility, setups), deferred, compute_normals, write_normals)
 
 
 @helper
-def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients, write_record):
-    """Draw a band's triangles as `scan` does into `out`, visibility and records, with the functions for what their
-    attributes are: one computes their planes, the other one writes these into a record."""
-    faces, (visibility, records) = band.faces, out
-    n_record = n_level = n_plane = n_exact = features = 0
+def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients, write_setup):
+    """Draw a band's triangles as `scan` does into `out`, visibility and setups, with the functions for what their
+    attributes are: one computes their planes, the other one writes these into a setup."""
+    faces, (visibility, setups) = band.faces, out
+    n_setup = n_level = n_plane = n_exact = features = 0
     material = 0 if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[first : min(first + s.BLOCK, len(faces))]
@@ -139,24 +142,24 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
             clear_planes(block)
         else:
             compute_gradients(n_attribute, coding, block)
-        # The other half goes triangle by triangle: records, where there are any, and samples.
+        # The other half goes triangle by triangle: setups, where there are any, and samples.
         for k in range(len(some)):
             box, threshold = box_of(k, block), threshold_of(k, drawables.cut_outs, block)
             if box.left >= box.right or box.top >= box.bottom or threshold > 1.0:
                 continue
-            if block.ints[s.HAS_LEVELS + k] != 0:
+            if block.ints[s.HAS_INTENSITY + k] != 0:
                 payload = level_of(k, block)
                 n_level += 1
             else:
                 has_planes = block.ints[s.HAS_PLANES + k] != 0
                 flags = plane_flags(k, block) if has_planes else IS_EXACT
-                payload = Payload(id_payload(n_record, flags), 0, 0)
+                payload = Payload(id_payload(n_setup, flags), 0, 0)
                 n_unit = 1
                 if has_planes:
-                    n_unit = write_record(records, n_record, k, some[k], coding, block)
+                    n_unit = write_setup(setups, n_setup, k, some[k], coding, block)
                 else:
-                    write_exact(records, n_record, k, some[k], n_attribute, coding, block)
-                n_record += n_unit
+                    write_exact(setups, n_setup, k, some[k], n_attribute, coding, block)
+                n_setup += n_unit
                 n_plane += has_planes
                 n_exact += not has_planes
                 if is_deferred(k, some[k], payload.value, box, band, coding, block, deferred):
@@ -168,7 +171,7 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
                 note_material(visibility, box.left, box.right, first_row, end_row, here)
             if threshold > 0.0:
                 fill_cut_out(visibility, band.y_start, box, k, payload, drawables.cut_outs, block)
-            elif block.ints[s.HAS_LEVELS + k] != 0 and block.ints[s.PIECE + k] != 0:
+            elif block.ints[s.HAS_INTENSITY + k] != 0 and block.ints[s.PIECE + k] != 0:
                 fill_pieces(visibility, band.y_start, box, k, block)
             else:
                 fill(visibility, band.y_start, box, k, payload, block)
@@ -177,9 +180,9 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
 
 @kernel
 def scan_index(band, drawables, block, visibility):
-    """Draw a band's triangles; entries hold the place of each in the band's list, for exact buffers.
+    """Draw a band's triangles; packed samples hold the place of each in the band's list, for exact buffers.
 
-    Those of triangles whose depths the entries don't tell well enough are marked as exact, see buffers.py.
+    Those of triangles whose depths the packed samples don't tell well enough are marked as exact, see buffers.py.
 
     Parameters
     ----------
@@ -242,7 +245,7 @@ def drawn_features(features, deferred):
 
 @helper
 def plane_flags(k, block):
-    """Return the flag of triangle k's planes in entries, IS_WEIGHTED or 0."""
+    """Return the flag of triangle k's planes in packed samples, IS_WEIGHTED or 0."""
     return IS_WEIGHTED if block.ints[s.IS_WEIGHTED + k] != 0 else 0
 
 
@@ -292,7 +295,7 @@ class Box(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """A plane of entries, uint64: at the picture's sample (0, 0), and its steps a sample; modulo 2^64."""
+    """A plane of packed samples, uint64: at the picture's sample (0, 0), and its steps a sample; modulo 2^64."""
 
     value: int
     dx: int
@@ -300,7 +303,7 @@ class Plane(NamedTuple):
 
 
 class Payload(NamedTuple):
-    """What stands below the depth in a triangle's entries, int64: at the anchor, and its steps a sample."""
+    """What stands below the depth in a triangle's packed samples, int64: at the anchor, and its steps a sample."""
 
     value: int
     dx: int
@@ -316,7 +319,7 @@ class Depths(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """What gives the entry of a triangle at a sample: the plane, or, of a sliver, exact edge functions."""
+    """What gives the packed sample of a triangle at a sample: the plane, or, of a sliver, exact edge functions."""
 
     triangle: Triangle
     is_sliver: bool
@@ -336,14 +339,14 @@ def box_of(k, block):
 
 @helper
 def level_of(k, block):
-    """Return the plane of levels of triangle k of the block, which has one channel, as payload."""
-    longs, first = block.longs, s.PLANE_LEVEL + k
+    """Return the plane of intensity steps of triangle k of the block, which has one channel, as payload."""
+    longs, first = block.longs, s.PLANE_INTENSITY + k
     return Payload(longs[first], longs[first + s.NEXT], longs[first + s.NEXT + s.NEXT])
 
 
 @helper
 def surface_of(k, payload, block):
-    """Return what gives the entries of triangle k of the block."""
+    """Return what gives the packed samples of triangle k of the block."""
     ints, longs, reals = block.ints, block.longs, block.reals
     triangle = Triangle(
         np.int64(ints[s.X0 + k]), np.int64(ints[s.Y0 + k]), np.int64(ints[s.X1 + k]), np.int64(ints[s.Y1 + k]),
@@ -391,9 +394,9 @@ def fill_box(visibility, y_start, box, surface):
         e1, e1_dx, e1_dy = edge_function(triangle.x1, triangle.y1, triangle.x2, triangle.y2, sx, sy)
         e2, e2_dx, e2_dy = edge_function(triangle.x2, triangle.y2, triangle.x0, triangle.y0, sx, sy)
         edges = (e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy)
-        entries = (entry_at(plane, first, box.top), plane.dx, plane.dy)
+        packed = (packed_at(plane, first, box.top), plane.dx, plane.dy)
         n_row = box.bottom - box.top
-        merge_box(visibility.entries, base + first, visibility.pitch, n_row, entries, edges, DEPTH_MASK)
+        merge_box(visibility.packed, base + first, visibility.pitch, n_row, packed, edges, DEPTH_MASK)
 
 
 @helper
@@ -412,24 +415,24 @@ def edge_function(xa, ya, xb, yb, sx, sy):
 
 
 @helper
-def entry_at(plane, x, y):
-    """Evaluate a plane of entries at the sample (x, y), uint64."""
+def packed_at(plane, x, y):
+    """Evaluate a plane of packed samples at the sample (x, y), uint64."""
     return plane.value + np.uint64(x) * plane.dx + np.uint64(y) * plane.dy
 
 
 @spelled_out("build_merge_box")
-def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
+def merge_box(packed, start, pitch, n_row, plane, edges, depth_mask):
     """Merge a box LANES samples wide into a visibility buffer: the inner loop of the scan stage for small triangles.
 
     Parameters
     ----------
-    entries : (n,) int64, the visibility buffer, changed
-    start, pitch : int64, the box's first entry in it, and entries from row to row
+    packed : (n,) int64, the visibility buffer, changed
+    start, pitch : int64, the box's first packed sample in it, and packed samples from row to row
     n_row : int64, the height of the box
     plane : (value, d/dx, d/dy) uint64, what is merged; it wraps
     edges : (value, d/dx, d/dy) of each of the three edge functions, nine int64; their lowest 32 bits count, >= 0 is
         inside
-    depth_mask : int64, the bits of an entry that are compared
+    depth_mask : int64, the bits of a packed sample that are compared
     """
     value, dx, dy = plane
     e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy = edges
@@ -438,8 +441,8 @@ def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
         for k in range(LANES):
             inside = (e0 + k * e0_dx + row * e0_dy) | (e1 + k * e1_dx + row * e1_dy) | (e2 + k * e2_dx + row * e2_dy)
             new = np.uint64(value + np.uint64(k) * dx + np.uint64(row) * dy).view(np.int64)
-            if np.int32(inside) >= 0 and new < entries[first + k] & depth_mask:
-                entries[first + k] = new
+            if np.int32(inside) >= 0 and new < packed[first + k] & depth_mask:
+                packed[first + k] = new
 
 
 # ---------------------------------------------------------------- spans
@@ -477,7 +480,7 @@ def fill_spans(visibility, y_start, box, surface, fragments, cut_out):
             x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
             if x_start < x_end:
                 first = (y - y_start) * visibility.pitch + x_start
-                span = visibility.entries[first : first + x_end - x_start]
+                span = visibility.packed[first : first + x_end - x_start]
                 if fragments is not None:
                     list_span(span, x_start, y - y_start, y, surface, fragments)
                 elif cut_out is not None:
@@ -485,15 +488,16 @@ def fill_spans(visibility, y_start, box, surface, fragments, cut_out):
                 elif surface.is_sliver:
                     fill_sliver_span(span, x_start, y, surface)
                 else:
-                    fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx, DEPTH_MASK)
+                    fill_span(span, packed_at(surface.plane, x_start, y), surface.plane.dx, DEPTH_MASK)
             left, right = advance(left), advance(right)
 
 
 class Perspective(NamedTuple):
-    """What gives the levels of a triangle in perspective: middle + M/f, float64, two planes beside a sample."""
+    """What gives the intensity steps of a triangle in perspective: middle + M/f, float64, two planes beside a
+    sample."""
 
     middle: float
-    half_range: float  # of the levels at ends of pieces
+    half_range: float  # of the intensity steps at ends of pieces
     anchor_x: int  # the sample at which the planes have their values
     anchor_y: int
     m: float
@@ -506,7 +510,7 @@ class Perspective(NamedTuple):
 
 @helper
 def perspective_of(k, block):
-    """Return what gives the levels of triangle k of the block."""
+    """Return what gives the intensity steps of triangle k of the block."""
     reals, m, f = block.reals, s.PLANE_OVER_W + k, s.PLANE_INV_W + k
     return Perspective(
         reals[s.MIDDLE + k], reals[s.HALF_RANGE + k],
@@ -517,9 +521,9 @@ def perspective_of(k, block):
 
 
 @helper
-def level_at(perspective, x, y):
-    """Return the level of a triangle at one of its samples, a whole number, float64; whatever float64 rounds, it stays
-    within the range that is left for ends of pieces."""
+def intensity_at(perspective, x, y):
+    """Return the intensity step of a triangle at one of its samples, a whole number, float64; whatever float64 rounds,
+    it stays within the range that is left for ends of pieces."""
     across, down = float(x - perspective.anchor_x), float(y - perspective.anchor_y)
     m = perspective.m + across * perspective.m_dx + down * perspective.m_dy
     f = perspective.f + across * perspective.f_dx + down * perspective.f_dy
@@ -529,9 +533,9 @@ def level_at(perspective, x, y):
 @helper
 def fill_perspective(span, x, y, plane, perspective):
     """Fill a span by a division a sample, from (x, y) on."""
-    entry = entry_at(plane, x, y)
+    packed = packed_at(plane, x, y)
     for k in range(len(span)):
-        new = np.int64(entry + np.uint64(k) * plane.dx) + np.int64(np.int32(level_at(perspective, x + k, y)))
+        new = np.int64(packed + np.uint64(k) * plane.dx) + np.int64(np.int32(intensity_at(perspective, x + k, y)))
         span[k] = new if new < (span[k] & DEPTH_MASK) else span[k]
 
 
@@ -550,19 +554,19 @@ def fill_pieces(visibility, y_start, box, k, block):
             x, x_end, last = max(left.x, 0), min(right.x, visibility.width), right.x - 1
             if x < x_end:
                 row = (y - y_start) * visibility.pitch
-                level = level_at(perspective, x, y)
+                intensity = intensity_at(perspective, x, y)
                 if piece == 1:
-                    fill_perspective(visibility.entries[row + x : row + x_end], x, y, plane, perspective)
+                    fill_perspective(visibility.packed[row + x : row + x_end], x, y, plane, perspective)
                     x = x_end
                 while x < x_end:
                     stop = min((x & -piece) + piece, last)
-                    at_stop = level_at(perspective, stop, y)
+                    at_stop = intensity_at(perspective, stop, y)
                     end = stop + 1 if stop == last else stop
-                    step = np.int64(np.rint((at_stop - level) / float(max(stop - x, 1))))
-                    span = visibility.entries[row + x : row + min(end, x_end)]
-                    entry = entry_at(plane, x, y) + np.uint64(np.int64(level))
-                    fill_span(span, entry, plane.dx + np.uint64(step), DEPTH_MASK)
-                    x, level = end, at_stop
+                    step = np.int64(np.rint((at_stop - intensity) / float(max(stop - x, 1))))
+                    span = visibility.packed[row + x : row + min(end, x_end)]
+                    packed = packed_at(plane, x, y) + np.uint64(np.int64(intensity))
+                    fill_span(span, packed, plane.dx + np.uint64(step), DEPTH_MASK)
+                    x, intensity = end, at_stop
             left, right = advance(left), advance(right)
 
 
@@ -609,22 +613,23 @@ def advance(edge):
 
 
 @spelled_out("build_fill_span")
-def fill_span(span, entry, step, depth_mask):
-    """Advance depth and intensity by one addition a sample; the nearer entry stays, at equal depth the earlier one.
+def fill_span(span, packed, step, depth_mask):
+    """Advance depth and intensity by one addition a sample; the nearer packed sample stays, at equal depth the earlier
+    one.
 
-    LANES samples side by side, the last ones beyond the span's end: entries there are written back as they are. The
-    compiler's own loop takes many more at a time, and the rest, which is most of a span of middle size, one by one.
+    LANES samples side by side, the last ones beyond the span's end: packed samples there are written back as they are.
+    The compiler's own loop takes many more at a time, and the rest, which is most of a span of middle size, one by one.
 
     Parameters
     ----------
-    span : (n,) int64, a row's entries, changed
-    entry, step : uint64, the first entry, and what a sample adds to it
-    depth_mask : int64, the bits of an entry that are compared
+    span : (n,) int64, a row's packed samples, changed
+    packed, step : uint64, the first packed sample, and what a sample adds to it
+    depth_mask : int64, the bits of a packed sample that are compared
     """
     for k in range(len(span)):
-        new = np.int64(entry)
+        new = np.int64(packed)
         span[k] = new if new < (span[k] & depth_mask) else span[k]
-        entry += step
+        packed += step
 
 
 # ---------------------------------------------------------------- triangles that are too thin or too steep for a plane
@@ -634,7 +639,7 @@ def fill_span(span, entry, step, depth_mask):
 def fill_sliver_span(span, x_start, y, surface):
     """Fill a span of a triangle that is too thin or too steep for a plane."""
     for k in range(len(span)):
-        new, old = entry_of_sliver(x_start + k, y, surface), span[k]
+        new, old = packed_of_sliver(x_start + k, y, surface), span[k]
         span[k] = new if new < (old & DEPTH_MASK) else old
 
 
@@ -643,14 +648,14 @@ def fill_cut_out_span(span, x_start, y, surface, cut_out):
     """Fill the samples of a span that are there."""
     for k in range(len(span)):
         x = x_start + k
-        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(surface.plane, x, y))
+        new = packed_of_sliver(x, y, surface) if surface.is_sliver else np.int64(packed_at(surface.plane, x, y))
         if new < (span[k] & DEPTH_MASK) and is_there(cut_out, x, y):
             span[k] = new
 
 
 @helper
-def entry_of_sliver(x, y, surface):
-    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the z-buffer.
+def packed_of_sliver(x, y, surface):
+    """Compute the packed sample at a sample from exact edge functions, int64; its z is kept within the z-buffer.
 
     A weighted mean, none of whose weights is negative: so where a corner lies far before all that is seen, its z
     doesn't take the digits of the others'.
@@ -670,26 +675,27 @@ def entry_of_sliver(x, y, surface):
 
 @helper
 def list_span(span, x_start, row, y, surface, fragments):
-    """Append the entries of a span that lie before those of the buffer.
+    """Append the packed samples of a span that lie before those of the buffer.
 
-    Whole entries are compared, so that at equal depth the triangle with the lower index lies in front. Of an opaque
-    surface that has its intensity in its entries the index is not known: a fragment at its depth is noted as a tie.
+    Whole packed samples are compared, so that at equal depth the triangle with the lower index lies in front. Of an
+    opaque surface that has its intensity in its packed samples the index is not known: a fragment at its depth is noted
+    as a tie.
 
     Parameters
     ----------
-    span : (n,) int64, a row's entries
+    span : (n,) int64, a row's packed samples
     x_start : its first column
     row, y : the row in the band, and in the picture
     fragments : Fragments, with room for all
     """
-    before, entries, count, ties = fragments.before, fragments.entries, fragments.found[0], 0
+    before, packed, count, ties = fragments.before, fragments.packed, fragments.found[0], 0
     last = fragments.last[fragments.columns[row] + x_start :]
     for k in range(len(span)):
         x = x_start + k
-        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(surface.plane, x, y))
+        new = packed_of_sliver(x, y, surface) if surface.is_sliver else np.int64(packed_at(surface.plane, x, y))
         # Written in any case, and counted where it lies before: without a branch, which would be a coin toss.
         is_before = (new >= 0) & (new < span[k])
-        before[count], entries[count] = last[k], new
+        before[count], packed[count] = last[k], new
         last[k] = np.int32(count) if is_before else last[k]
         count += np.int64(is_before)
         ties |= is_tie(new, span[k])
@@ -699,5 +705,5 @@ def list_span(span, x_start, row, y, surface, fragments):
 
 @helper
 def is_tie(new, old):
-    """Tell whether an entry that holds an index is as deep as one that doesn't."""
+    """Tell whether a packed sample that holds an index is as deep as one that doesn't."""
     return (new ^ old) & (DEPTH_MASK | IS_ID) == IS_ID

@@ -42,7 +42,7 @@ LEFT, RIGHT, TOP, BOTTOM = _starts(6, 10)  # within picture and band: left..righ
 # Where planes begin: the first sample of the box, but not beyond the picture's left or upper border.
 ANCHOR_X, ANCHOR_Y = _starts(10, 12)
 EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
-IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
+IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_INTENSITY = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
 MATERIAL = BLOCK * 21
 # What is known of its material, see gradients.py: its cheapest path, how many attributes are read.
@@ -50,10 +50,10 @@ PATH, N_OWN = BLOCK * 22, BLOCK * 23
 IS_WEIGHTED = BLOCK * 24  # planes of values are multiplied by 1/r, see compute_value_planes in gradients.py
 PIECE = BLOCK * 25  # samples after which a span is cut, see compute_pieces in gradients.py; 0 where it is one piece
 N_INT = 26
-# Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
-# d/dy a sample.
+# Rows of int64: the planes of depth, in z-buffer units, and of intensity steps, see gradients.py: value at the anchor,
+# d/dx, d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
-PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
+PLANE_INTENSITY, PLANE_INTENSITY_DX, PLANE_INTENSITY_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
 # in samples; z of the triangle's plane where the vertices are rounded to, and how far it is from theirs at most;
@@ -67,8 +67,8 @@ ATTRIBUTE, MAX_ATTRIBUTES = BLOCK * 13, 13
 PLANE_ATTRIBUTE, MAX_ATTRIBUTE_PLANES = BLOCK * (13 + 3 * MAX_ATTRIBUTES), 10
 TRUE_XA, TRUE_YA, TRUE_XB, TRUE_YB, TRUE_XC, TRUE_YC = _starts(13 + 3 * MAX_ATTRIBUTES, 19 + 3 * MAX_ATTRIBUTES)
 LIMIT = BLOCK * (13 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES)
-# Of spans in pieces: the planes of (level - MIDDLE)/w and 1/w, value at the anchor, d/dx, d/dy each; MIDDLE, and how
-# far from it ends of pieces may be.
+# Of spans in pieces: the planes of (intensity step - MIDDLE)/w and 1/w, value at the anchor, d/dx, d/dy each; MIDDLE,
+# and how far from it ends of pieces may be.
 PLANE_OVER_W, PLANE_INV_W, MIDDLE, HALF_RANGE = (
     BLOCK * (14 + 3 * MAX_ATTRIBUTES + 3 * MAX_ATTRIBUTE_PLANES + rows) for rows in (0, 3, 6, 7)
 )
@@ -313,7 +313,7 @@ SINGLE = 2.0**-24  # the unit roundoff of float32
 
 
 class DepthScale(NamedTuple):
-    """What the z of an entry says, z-buffer units."""
+    """What the z of a packed sample says, z-buffer units."""
 
     inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z; 1 + 0 z without perspective
     inv_w_scale: float
@@ -326,7 +326,7 @@ class DepthScale(NamedTuple):
 
 @helper
 def depth_at_corner(z, own_z, depths):
-    """Return what an exact record holds for the depth at a corner: that of the triangle's plane, or in perspective its
+    """Return what an exact setup holds for the depth at a corner: that of the triangle's plane, or in perspective its
     1/w over that of the corner.
 
     Parameters

@@ -1,13 +1,13 @@
 """Stage 6, shade: the intensities of a band's visible samples, and how they fade with depth.
 
-In:  the band's visibility entries and records (scan.py, records.py).
+In:  the band's packed samples and setups (scan.py, triangle_setups.py).
 Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
 
-`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the entries or are interpolated.
-Phong's method, `shade_lit`, is in phong_shading.py: normals are interpolated, and the illumination equation is
-evaluated at every visible sample. Both work on a batch of a row's samples at a time. What entries and planes hold is
-evaluated in one loop without branches, whatever the samples show; exact records, if the band has any, are then put in
-run by run.
+`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the packed samples or are
+interpolated. Phong's method, `shade_lit`, is in phong_shading.py: normals are interpolated, and the illumination
+equation is evaluated at every visible sample. Both work on a batch of a row's samples at a time. What packed samples
+and planes hold is evaluated in one loop without branches, whatever the samples show; exact setups, if the band has any,
+are then put in run by run.
 
 A band may show materials of one channel and of three. Then it has three, and what has one is multiplied by the
 picture's tint, as the resolve stage does where a band needs no more than one.
@@ -36,15 +36,15 @@ from .interpolate import (
     next_exact_run,
     row_extent,
 )
-from .records import ATTRIBUTE, VALUES, material_of, plane_group
 from .samples import evaluate_planes, evaluate_values
 from .setup import inverse_sum
-from .visibility import CLEAR, IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, is_exact, record_of
+from .triangle_setups import ATTRIBUTE, VALUES, material_of, plane_group
+from .visibility import CLEAR, INTENSITY_BITS, INTENSITY_MASK, IS_ID, IS_WEIGHTED, PAYLOAD_BITS, is_exact, setup_of
 
 
 @kernel
 def shade_interpolated(band, tint, batch, out_radiance):
-    """Turn visibility entries and records into intensities.
+    """Turn packed samples and setups into intensities.
 
     Parameters
     ----------
@@ -53,72 +53,72 @@ def shade_interpolated(band, tint, batch, out_radiance):
     batch : see fragments.py, float32
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
-    visibility, records = band.visibility, band.records
+    visibility, setups = band.visibility, band.setups
     for j in range(band.n_row):
         y, (left, right) = band.y_start + j, row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
             start, n = j * visibility.pitch + first, min(right - first, BATCH_SIZE)
-            entries = visibility.entries[start : start + n]
-            if band.counts.n_exact == 0 or needs_decoding(entries):
-                decode_batch(entries, band, (first, y), tint, batch, out_radiance, start)
-            if band.counts.n_exact > 0 and has_exact(entries):
-                interpolate_intensities(entries, records, (first, y), band.coding.features, tint, out_radiance, start)
+            packed = visibility.packed[start : start + n]
+            if band.counts.n_exact == 0 or needs_decoding(packed):
+                decode_batch(packed, band, (first, y), tint, batch, out_radiance, start)
+            if band.counts.n_exact > 0 and has_exact(packed):
+                interpolate_intensities(packed, setups, (first, y), band.coding.features, tint, out_radiance, start)
 
 
 @helper
-def decode_batch(entries, band, first, tint, batch, out_radiance, start):
-    """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry, `start`
-    its number in the band."""
-    step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], len(entries)
-    has_affine, has_weighted = find_planes(entries) if band.counts.n_plane > 0 else (False, False)
+def decode_batch(packed, band, first, tint, batch, out_radiance, start):
+    """Fill intensities that stand in packed samples and in planes; `first` is the sample (x, y) of the first packed
+    sample, `start` its number in the band."""
+    step, n_channel, n = np.float32(1.0 / band.coding.intensity_scale), out_radiance.shape[0], len(packed)
+    has_affine, has_weighted = find_planes(packed) if band.counts.n_plane > 0 else (False, False)
     if not has_affine and not has_weighted:
         for channel in range(n_channel):
-            # A level times the tint, as the resolve stage multiplies it: rounded twice.
+            # An intensity step times the tint, as the resolve stage multiplies it: rounded twice.
             factor = tint[channel] if n_channel > 1 else np.float32(1)
-            decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
+            decode_intensities(packed, step, factor, out_radiance[channel, start : start + n])
         return
     if has_weighted:
-        fill_weights(entries, band.coding.depths, batch)
-        evaluate_values(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL, f.WEIGHT)
+        fill_weights(packed, band.coding.depths, batch)
+        evaluate_values(packed, plane_group(band.setups, VALUES), first, batch, f.NORMAL, f.WEIGHT)
     else:
-        evaluate_planes(entries, plane_group(band.records, VALUES), first, batch, f.NORMAL)
+        evaluate_planes(packed, plane_group(band.setups, VALUES), first, batch, f.NORMAL)
     if band.counts.n_level == 0 and all_have_colors(band.coding.features):
         for channel in range(n_channel):
             out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
             for k in range(n):
                 out[k] = batch[source + k]
     elif n_channel == 1:
-        merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + n], out_radiance[0, start : start + n])
+        merge_intensities(packed, step, batch[f.NORMAL : f.NORMAL + n], out_radiance[0, start : start + n])
     else:
-        merge_colors(entries, band, step, tint, batch, out_radiance[:, start : start + n])
+        merge_colors(packed, band, step, tint, batch, out_radiance[:, start : start + n])
 
 
-# ---------------------------------------------------------------- levels of entries
-
-
-@helper
-def decode_levels(entries, level_step, tint, out):
-    """Fill intensities that stand in the entries."""
-    for k in range(len(entries)):
-        out[k] = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step * tint
+# ---------------------------------------------------------------- intensity steps of packed samples
 
 
 @helper
-def merge_levels(entries, level_step, values, out):
-    """Fill the intensities of one channel: those of the entries, or `values` where these hold indices."""
-    for k in range(len(entries)):
-        level = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
-        out[k] = values[k] if entries[k] & IS_ID else level
+def decode_intensities(packed, intensity_step, tint, out):
+    """Fill intensities that stand in the packed samples."""
+    for k in range(len(packed)):
+        out[k] = np.float32(np.int32(packed[k] & INTENSITY_MASK)) * intensity_step * tint
 
 
 @helper
-def merge_colors(entries, band, level_step, tint, batch, out):
+def merge_intensities(packed, intensity_step, values, out):
+    """Fill the intensities of one channel: those of the packed samples, or `values` where these hold indices."""
+    for k in range(len(packed)):
+        intensity = np.float32(np.int32(packed[k] & INTENSITY_MASK)) * intensity_step
+        out[k] = values[k] if packed[k] & IS_ID else intensity
+
+
+@helper
+def merge_colors(packed, band, intensity_step, tint, batch, out):
     """Fill the intensities of three channels; those of the planes are in the batch."""
-    for k in range(len(entries)):
+    for k in range(len(packed)):
         red, green, blue = batch[f.NORMAL + k], batch[f.NORMAL + f.NEXT + k], batch[f.NORMAL + f.NEXT + f.NEXT + k]
-        if not entries[k] & IS_ID:
-            red = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
-        if not entries[k] & IS_ID or not band.coding.features[material_of(entries[k], band.records)] & HAS_COLORS:
+        if not packed[k] & IS_ID:
+            red = np.float32(np.int32(packed[k] & INTENSITY_MASK)) * intensity_step
+        if not packed[k] & IS_ID or not band.coding.features[material_of(packed[k], band.setups)] & HAS_COLORS:
             red, green, blue = red * tint[0], red * tint[1], red * tint[2]
         out[0, k], out[1, k], out[2, k] = red, green, blue
 
@@ -136,57 +136,57 @@ def all_have_colors(features):
 
 
 @helper
-def find_planes(entries):
-    """Tell whether any entry holds the index of affine planes, or of an exact record; and of weighted ones."""
+def find_planes(packed):
+    """Tell whether any packed sample holds the index of affine planes, or of an exact setup; and of weighted ones."""
     affine = weighted = 0
-    for k in range(len(entries)):
-        is_id = entries[k] >> (LEVEL_BITS - 1)  # IS_ID at the place of IS_WEIGHTED
-        affine |= is_id & ~entries[k]
-        weighted |= is_id & entries[k]
+    for k in range(len(packed)):
+        is_id = packed[k] >> (INTENSITY_BITS - 1)  # IS_ID at the place of IS_WEIGHTED
+        affine |= is_id & ~packed[k]
+        weighted |= is_id & packed[k]
     return affine & IS_WEIGHTED != 0, weighted & IS_WEIGHTED != 0
 
 
 @helper
-def fill_weights(entries, depths, batch):
+def fill_weights(packed, depths, batch):
     """Fill 1/r, by which the values of weighted planes are multiplied, see gradients.py; 1 for others."""
     offset, step = depths.ratio_offset, depths.ratio_scale
-    for k in range(len(entries)):
-        ratio = np.float32(offset + step * float(entries[k] >> PAYLOAD_BITS))
-        batch[f.WEIGHT + k] = np.float32(1) / (ratio if entries[k] & IS_WEIGHTED else np.float32(1))
+    for k in range(len(packed)):
+        ratio = np.float32(offset + step * float(packed[k] >> PAYLOAD_BITS))
+        batch[f.WEIGHT + k] = np.float32(1) / (ratio if packed[k] & IS_WEIGHTED else np.float32(1))
 
 
-# ---------------------------------------------------------------- exact records
+# ---------------------------------------------------------------- exact setups
 
 
 @helper
-def interpolate_intensities(entries, records, first, features, tint, out_radiance, start):
-    """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry, `start` its number in
-    the band."""
-    last_record, n_channel = len(records.integers) - 1, out_radiance.shape[0]
-    k, end = next_exact_run(entries, 0)
+def interpolate_intensities(packed, setups, first, features, tint, out_radiance, start):
+    """Put in the intensities of exact setups; `first` is the sample (x, y) of the first packed sample, `start` its
+    number in the band."""
+    last_setup, n_channel = len(setups.integers) - 1, out_radiance.shape[0]
+    k, end = next_exact_run(packed, 0)
     while k < end:
-        # Where levels stand in entries, a record's number is a matter of arithmetic: whatever it is, nothing else is
-        # read.
-        record = min(record_of(entries[k]), last_record)
-        is_colored = bool(features[material_of(entries[k], records)] & HAS_COLORS)
+        # Where intensity steps stand in packed samples, a setup's number is a matter of arithmetic: whatever it is,
+        # nothing else is read.
+        setup = min(setup_of(packed[k]), last_setup)
+        is_colored = bool(features[material_of(packed[k], setups)] & HAS_COLORS)
         for channel in range(n_channel):
             out, attribute = out_radiance[channel, start + k : start + end], channel if is_colored else 0
-            interpolate_channel(records, record, attribute, (first[0] + k, first[1]), out)
+            interpolate_channel(setups, setup, attribute, (first[0] + k, first[1]), out)
             if n_channel > 1 and not is_colored:
                 for i in range(end - k):
                     out[i] = out[i] * tint[channel]
-        k, end = next_exact_run(entries, end)
+        k, end = next_exact_run(packed, end)
 
 
 @helper
-def interpolate_channel(records, record, attribute, first, out):
-    """Fill one channel of a run of samples that show one exact record.
+def interpolate_channel(setups, setup, attribute, first, out):
+    """Fill one channel of a run of samples that show one exact setup.
 
     The weights are computed anew for each channel: in vector instructions that takes less time than three channels
     together, sample by sample, and less to compile.
     """
-    triangle = exact_triangle(records, record)
-    of_corners = corner_values(records.reals, record, ATTRIBUTE + 3 * attribute)
+    triangle = exact_triangle(setups, setup)
+    of_corners = corner_values(setups.reals, setup, ATTRIBUTE + 3 * attribute)
     for k in range(len(out)):
         q = corner_weights(triangle, first[0] + k, first[1])
         out[k] = mean(of_corners, scale(q, inverse_sum(q)))
@@ -201,15 +201,15 @@ def interpolate_channel(records, record, attribute, first, out):
 # Source of the mix: Foley, van Dam, Feiner & Hughes 1990, section 16.1.3; of s: the attenuation 1/(d + d0) by the
 # viewer's distance, Rogers 1985, section 5.2, scaled to 1 where it begins.
 #
-# The depth of what has an exact record is found from it, in float64, as that of the depth buffer is: 1/w errs by about
-# 2^-52 of the nearest one's. Elsewhere it is that of the entry, which errs by DEPTH_ERROR of itself at most (with
-# perspective: see `check_distances` in gradients.py). A relative error e of d moves s by no more than
+# The depth of what has an exact setup is found from it, in float64, as that of the depth buffer is: 1/w errs by about
+# 2^-52 of the nearest one's. Elsewhere it is that of the packed sample, which errs by DEPTH_ERROR of itself at most
+# (with perspective: see `check_distances` in gradients.py). A relative error e of d moves s by no more than
 #
 #     d·|ds/dd|·e = d·d0/(d0 + d - start)²·e <= (1/4 + start/d0)·e
 #
 # since with t = d - start >= 0 the quotient is t d0/(d0 + t)² + start d0/(d0 + t)². It moves I' by as much of |I - C|.
 
-DEPTH_ERROR = 10 * 2.0**-24  # with perspective: how far off the depth of an entry may be, of itself
+DEPTH_ERROR = 10 * 2.0**-24  # with perspective: how far off the depth of a packed sample may be, of itself
 
 
 class Cue(NamedTuple):
@@ -233,21 +233,21 @@ def fade(band, depths, is_perspective, cue, out_radiance):
     out_radiance : (n_channel, n_row * pitch) float64, linear, changed
     """
     color = cue.color
-    visibility, records = band.visibility, band.records
+    visibility, setups = band.visibility, band.setups
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
         for i in range(left, right):
             sample = j * visibility.pitch + i
-            entry = visibility.entries[sample]
-            if entry >= CLEAR:
+            packed = visibility.packed[sample]
+            if packed >= CLEAR:
                 continue
-            if is_exact(entry):
-                record = record_of(entry)
-                triangle = exact_triangle(records, record)
+            if is_exact(packed):
+                setup = setup_of(packed)
+                triangle = exact_triangle(setups, setup)
                 q = corner_weights(triangle, i, band.y_start + j)
-                depth = depth_at(records, record, triangle, q, is_perspective)
+                depth = depth_at(setups, setup, triangle, q, is_perspective)
             else:
-                z = float(entry >> PAYLOAD_BITS)
+                z = float(packed >> PAYLOAD_BITS)
                 inverse = depths.inv_w_offset + depths.inv_w_scale * z
                 depth = 1.0 / inverse if is_perspective else depths.depth_offset + depths.depth_scale * z
             share = cue.scale / (cue.scale + max(depth - cue.start, 0.0))

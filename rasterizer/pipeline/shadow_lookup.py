@@ -381,7 +381,7 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
     offset, slope : the texels are offset + slope·z, 1/w or minus the depth; computed in float64
     out_texels : (size, size) float32 or float64, row y_start.. of it; -inf where nothing is
     """
-    entries, real = visibility.entries, out_texels.dtype.type
+    packed, real = visibility.packed, out_texels.dtype.type
     furthest = real(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
@@ -391,7 +391,7 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
             row[i] = furthest
         for i in range(right, len(row)):
             row[i] = furthest
-        here = entries[j * visibility.pitch :]
+        here = packed[j * visibility.pitch :]
         for i in range(left, right):
             row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else furthest
     clear(visibility, n_row)

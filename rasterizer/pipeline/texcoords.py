@@ -1,17 +1,17 @@
 """Texture coordinates of a batch of samples that show one texture, in fixed point, and mip levels.
 
 In:  a batch with the planes of texture coordinates (textures.py, where the letters are), which texturing.py has
-     evaluated, or exact records (records.py), two attributes of which are u and v.
+     evaluated, or exact setups (triangle_setups.py), two attributes of which are u and v.
 Out: s and t of each sample: the fraction of the picture that stands for any texture coordinate, 2^32 for all of it. And
      the mip level, whole or between two.
 
     u, v   texture coordinates, any number; v points up      s, t   the same within the picture; t points down
 
 To repeat the picture is to let whole numbers wrap around. A fraction lies in texel ⌊s·n/2^32⌋ of a mip level n texels
-wide. So every texel that is read exists, whatever planes and records hold.
+wide. So every texel that is read exists, whatever planes and setups hold.
 
 Of planes, a quotient s' = S/D errs relative to the extent of its triangle alone; its reference is added in whole
-numbers. Of exact records, whole repeats are taken off the corners first, so that large coordinates keep their digits.
+numbers. Of exact setups, whole repeats are taken off the corners first, so that large coordinates keep their digits.
 All is interpolated in perspective (interpolate.py).
 
 The mip level is chosen by the larger of the lengths, in texels, that one step of the sample to the right and one down
@@ -25,7 +25,6 @@ from ..compiler.kernels import helper
 from ..geometry.vectors import scale
 from .fragments import BARYCENTRIC, BATCH_SIZE, INVERSE_SUM, TEXCOORD_T, TEXCOORD_U, get_vector, set_vector
 from .interpolate import corner_values, exact_triangle, mean, next_exact_run, sample_weights, weight_steps
-from .records import ATTRIBUTE, material_of
 from .samples import skip_to
 from .setup import inverse_sum
 from .textures import (
@@ -38,7 +37,8 @@ from .textures import (
     without_repeats,
     wrap_texcoord,
 )
-from .visibility import LANES, record_of
+from .triangle_setups import ATTRIBUTE, material_of
+from .visibility import LANES, setup_of
 
 # The batch is one flat array of float32, one quantity after the other, each for BATCH_SIZE samples, as in fragments.py.
 # Whole numbers stand in it, too: as the float32 with the same 32 bits.
@@ -49,7 +49,7 @@ def _quantity(number):
     return BATCH_SIZE * number
 
 
-# What comes in for each sample: four planes of its record and, for mip levels, the slopes of three of them
+# What comes in for each sample: four planes of its setup and, for mip levels, the slopes of three of them
 # (textures.py).
 S_PLANE, T_PLANE, INV_W, REFERENCES = (_quantity(k) for k in range(4))
 S_DX, T_DX, INV_W_DX, S_DY, T_DY, INV_W_DY = (_quantity(k) for k in range(4, 10))
@@ -91,28 +91,28 @@ def from_bits(bits):
     return np.int32(bits).view(np.float32)
 
 
-# ---------------------------------------------------------------- of exact records
+# ---------------------------------------------------------------- of exact setups
 
 
 @helper
-def put_in_exact_texcoords(entries, records, first, material, attribute, texture, weights, batch):
-    """Put in texture coordinates and mip levels of a material's exact records.
+def put_in_exact_texcoords(packed, setups, first, material, attribute, texture, weights, batch):
+    """Put in texture coordinates and mip levels of a material's exact setups.
 
     Parameters
     ----------
-    entries : (n,) int64, n <= BATCH_SIZE
+    packed : (n,) int64, n <= BATCH_SIZE
     first : where they lie (samples.py)
     attribute : the one that is u; v follows
     texture : Texture
     weights : the batch of float64, see fragments.py
     batch : LOOKUP_SHAPE float32
     """
-    start, end = next_exact_run(entries, 0)
+    start, end = next_exact_run(packed, 0)
     while start < end:
-        if material_of(entries[start], records) == material:
-            n, record, where = end - start, record_of(entries[start]), skip_to(first, start)
-            fill_barycentric(records, record, where, n, weights)
-            corners = corner_texcoords(records, record, attribute, texture.wraps)
+        if material_of(packed[start], setups) == material:
+            n, setup, where = end - start, setup_of(packed[start]), skip_to(first, start)
+            fill_barycentric(setups, setup, where, n, weights)
+            corners = corner_texcoords(setups, setup, attribute, texture.wraps)
             for k in range(n):
                 p = get_vector(weights, BARYCENTRIC, k)
                 u, t = mean(corners[0], p), mean(corners[1], p)
@@ -121,17 +121,17 @@ def put_in_exact_texcoords(entries, records, first, material, attribute, texture
                 batch[T + start + k] = from_bits(fixed_point(wrap_texcoord(t, texture.wraps[1])))
             if texture.filter == FILTER_TRILINEAR:
                 levels = batch[MIP_LEVEL + start : MIP_LEVEL + end]
-                fill_mip_levels(exact_triangle(records, record), corners, n, texture, weights, levels)
-        start, end = next_exact_run(entries, end)
+                fill_mip_levels(exact_triangle(setups, setup), corners, n, texture, weights, levels)
+        start, end = next_exact_run(packed, end)
 
 
 @helper
-def fill_barycentric(records, record, first, n, batch):
-    """Fill the weights of an exact record's corners, in perspective and with the sum 1, and 1 / Σ q.
+def fill_barycentric(setups, setup, first, n, batch):
+    """Fill the weights of an exact setup's corners, in perspective and with the sum 1, and 1 / Σ q.
 
     Apart from what is weighted: so each loop becomes vector instructions.
     """
-    triangle = exact_triangle(records, record)
+    triangle = exact_triangle(setups, setup)
     for k in range(n):
         q = sample_weights(triangle, first, k)
         inverse = inverse_sum(q)
@@ -140,11 +140,11 @@ def fill_barycentric(records, record, first, n, batch):
 
 
 @helper
-def corner_texcoords(records, record, attribute, wraps):
-    """Return u and 1 - v of an exact record, each at the three corners, without whole repeats of the picture."""
+def corner_texcoords(setups, setup, attribute, wraps):
+    """Return u and 1 - v of an exact setup, each at the three corners, without whole repeats of the picture."""
     column = ATTRIBUTE + 3 * attribute
-    us = without_repeats(corner_values(records.reals, record, column), wraps[0])
-    vs = without_repeats(corner_values(records.reals, record, column + 3), wraps[1])
+    us = without_repeats(corner_values(setups.reals, setup, column), wraps[0])
+    vs = without_repeats(corner_values(setups.reals, setup, column + 3), wraps[1])
     return us, (1.0 - vs[0], 1.0 - vs[1], 1.0 - vs[2])
 
 
@@ -159,7 +159,7 @@ def fixed_point(x):
 
 @helper
 def fill_mip_levels(triangle, corners, n, texture, weights, out):
-    """Fill the mip levels of n samples of an exact record, behind their texture coordinates.
+    """Fill the mip levels of n samples of an exact setup, behind their texture coordinates.
 
     Parameters
     ----------

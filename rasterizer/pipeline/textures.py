@@ -3,7 +3,7 @@
 In:  pictures of bytes or float32.
 Out: `Textures`: the texels of all, float32 and linear, each mip level with a border of one texel, which holds what the
      wrap puts there. `texture_error` says how far colours looked up in them are from exact ones. And the planes of
-     texture coordinates over a block of triangles (setup.py), as records hold them: s'/w, t'/w, 1/w, and the
+     texture coordinates over a block of triangles (setup.py), as setups hold them: s'/w, t'/w, 1/w, and the
      references, which are the same at every sample.
 
 A texture of w × h texels needs 16 bytes for each, with mip levels a third more, and 96·(w + h) bytes for the borders.
@@ -408,7 +408,7 @@ def relative_texcoords(k, textures, texture, block):
 
 @helper
 def texcoord_references(texcoords, wraps):
-    """Return references near texture coordinates, and the number that stands for both in a record.
+    """Return references near texture coordinates, and the number that stands for both in a setup.
 
     What is no number, or further than 2^40 pictures away, counts as 0. Clamped coordinates have references within the
     picture. All are multiples of 2^-11 of the picture or period, so none of them has an error.

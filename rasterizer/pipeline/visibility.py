@@ -1,15 +1,16 @@
-"""The visibility buffer of a band: an entry for every sample, which says how deep it is and what is visible there.
+"""The visibility buffer of a band: a packed sample for every sample, which says how deep it is and what is visible
+there.
 
-An entry packs depth and payload, so that one integer addition advances both along a span, and one comparison decides
-visibility and writes both. (Burns & Hunt 2013, "The visibility buffer", JCGT 2(2), keep a triangle's index for every
-sample, too, and shade later.)
+A packed sample is depth and payload in one integer, so that one integer addition advances both along a span, and one
+comparison decides visibility and writes both. (Burns & Hunt 2013, "The visibility buffer", JCGT 2(2), keep a triangle's
+index for every sample, too, and shade later.)
 
     63        62 ............ 25   24     23 ............. 0
-    sign (0)  z (38 bits)          is_id  intensity, or the index of a record, (bit 1) is_weighted, (bit 0) is_exact
+    sign (0)  z (38 bits)          is_id  intensity, or the index of a setup, (bit 1) is_weighted, (bit 0) is_exact
 
-Where nothing is visible, the entry is CLEAR: behind every depth. Extents, the columns that may have been written, are
-kept for strips of 8 rows: so nobody looks at the rest of a band, and whoever turns the band into output clears no more
-than was written.
+Where nothing is visible, the packed sample is CLEAR: behind every depth. Extents, the columns that may have been
+written, are kept for strips of 8 rows: so nobody looks at the rest of a band, and whoever turns the band into output
+clears no more than was written.
 """
 
 from typing import NamedTuple
@@ -19,32 +20,32 @@ import numpy as np
 from ..compiler.kernels import helper, kernel
 from .transform import DEPTH_BITS
 
-LEVEL_BITS = 24
-PAYLOAD_BITS = LEVEL_BITS + 1
-IS_ID = np.int64(1 << LEVEL_BITS)  # the payload is the index of a record, not an intensity
-# ... of an exact record; of planes of intensities that a sample multiplies by its 1/r. These are the lowest bits, so
-# that at equal depth entries are ordered by index.
+INTENSITY_BITS = 24
+PAYLOAD_BITS = INTENSITY_BITS + 1
+IS_ID = np.int64(1 << INTENSITY_BITS)  # the payload is the index of a setup, not an intensity
+# ... of an exact setup; of planes of intensities that a sample multiplies by its 1/r. These are the lowest bits, so
+# that at equal depth packed samples are ordered by index.
 IS_EXACT, IS_WEIGHTED = np.int64(1), np.int64(2)
-RECORD_SHIFT = 2  # where the index begins
-LEVEL_MASK = np.int64(IS_ID - 1)
-RECORD_MASK = np.int64(LEVEL_MASK - IS_EXACT - IS_WEIGHTED)
-MAX_RECORDS = 1 << (LEVEL_BITS - RECORD_SHIFT)
+SETUP_SHIFT = 2  # where the index begins
+INTENSITY_MASK = np.int64(IS_ID - 1)
+SETUP_MASK = np.int64(INTENSITY_MASK - IS_EXACT - IS_WEIGHTED)
+MAX_SETUPS = 1 << (INTENSITY_BITS - SETUP_SHIFT)
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
 
-GAP = 32  # entries in a row that are left out where none shows anything: extents have gaps between things
+GAP = 32  # packed samples in a row that are left out where none shows anything: extents have gaps between things
 
 STRIP_SHIFT = 3  # log2 of the rows of a strip
 NO_START, NO_END = np.int64(1 << 30), np.int64(-1)  # the extent of a strip in which nothing was written
 LANES = 8  # samples that are merged side by side, of a small box, and whose planes are evaluated so
-PADDING = 2 * LANES  # entries behind each row that lanes may read and write back
+PADDING = 2 * LANES  # packed samples behind each row that lanes may read and write back
 
 
 class VisibilityBuffer(NamedTuple):
-    """The entries of one band, private to a thread and clear between bands."""
+    """The packed samples of one band, private to a thread and clear between bands."""
 
-    entries: np.ndarray  # (n_row * pitch,) int64
-    pitch: int  # entries from row to row
+    packed: np.ndarray  # (n_row * pitch,) int64
+    pitch: int  # packed samples from row to row
     width: int  # samples of a row
     left: np.ndarray  # (n_strip,) int64: columns left..right of a strip may have been written
     right: np.ndarray  # (n_strip,) int64
@@ -57,11 +58,11 @@ class VisibilityBuffer(NamedTuple):
 def make_visibility_buffer(width, n_row) -> VisibilityBuffer:
     """Return a clear buffer for bands of `n_row` rows of `width` samples."""
     pitch = (width + PADDING + 7) // 8 * 8
-    return make_extents(n_row)._replace(entries=np.full(n_row * pitch, CLEAR), pitch=pitch, width=width)
+    return make_extents(n_row)._replace(packed=np.full(n_row * pitch, CLEAR), pitch=pitch, width=width)
 
 
 def make_extents(n_row) -> VisibilityBuffer:
-    """Return the clear extents of a band of `n_row` rows: a buffer without room for entries."""
+    """Return the clear extents of a band of `n_row` rows: a buffer without room for packed samples."""
     n_strip = (n_row >> STRIP_SHIFT) + 1
     starts, ends = (np.full((2, n_strip), edge) for edge in (NO_START, NO_END))
     materials = np.full(n_strip, np.int64(-1))
@@ -70,7 +71,7 @@ def make_extents(n_row) -> VisibilityBuffer:
 
 @helper
 def pack(z, payload):
-    """Put z above the payload: an entry, or what a step adds to one; both int64, the result uint64.
+    """Put z above the payload: a packed sample, or what a step adds to one; both int64, the result uint64.
 
     Unsigned, because products of a plane may overflow on the way: signed overflow is undefined.
     """
@@ -78,22 +79,22 @@ def pack(z, payload):
 
 
 @helper
-def id_payload(record, flags):
-    """Return what stands below the depth where a record is visible: its index, and its flags: IS_EXACT, IS_WEIGHTED
+def id_payload(setup, flags):
+    """Return what stands below the depth where a setup is visible: its index, and its flags: IS_EXACT, IS_WEIGHTED
     or 0."""
-    return IS_ID | (np.int64(record) << RECORD_SHIFT) | flags
+    return IS_ID | (np.int64(setup) << SETUP_SHIFT) | flags
 
 
 @helper
-def is_exact(entry):
-    """Tell whether an entry holds the index of an exact record."""
-    return entry & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
+def is_exact(packed):
+    """Tell whether a packed sample holds the index of an exact setup."""
+    return packed & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
 
 
 @helper
-def record_of(entry):
-    """Return the index of the record that an entry shows; of other entries any index."""
-    return (entry & RECORD_MASK) >> RECORD_SHIFT
+def setup_of(packed):
+    """Return the index of the setup that a packed sample shows; of other packed samples any index."""
+    return (packed & SETUP_MASK) >> SETUP_SHIFT
 
 
 @helper
@@ -168,45 +169,47 @@ def stretch_of(visibility, strip, first, end, material):
 
 
 @helper
-def next_stretch(entries):
-    """Return how many of the first entries show nothing; or, where the first one shows something, how many there are up
-    to a block of GAP that shows nothing, without those in front of it that show nothing, too. Tell which of both."""
-    n, end, is_blank = len(entries), 0, entries[0] >= CLEAR
+def next_stretch(packed):
+    """Return how many of the first packed samples show nothing; or, where the first one shows something, how many there
+    are up to a block of GAP that shows nothing, without those in front of it that show nothing, too. Tell which of
+    both."""
+    n, end, is_blank = len(packed), 0, packed[0] >= CLEAR
     if is_blank:
-        while end + GAP <= n and shows_nothing(entries[end : end + GAP]):
+        while end + GAP <= n and shows_nothing(packed[end : end + GAP]):
             end += GAP
-        while end < n and entries[end] >= CLEAR:
+        while end < n and packed[end] >= CLEAR:
             end += 1
     else:
-        while end < n and not shows_nothing(entries[end : end + GAP]):
+        while end < n and not shows_nothing(packed[end : end + GAP]):
             end = min(end + GAP, n)
-        while entries[end - 1] >= CLEAR:
+        while packed[end - 1] >= CLEAR:
             end -= 1
     return np.int64(end), is_blank
 
 
 @helper
-def shows_nothing(entries):
-    """Tell whether none of some entries shows anything; most blocks that do show something at one of their ends."""
-    if entries[0] < CLEAR or entries[len(entries) - 1] < CLEAR:
+def shows_nothing(packed):
+    """Tell whether none of some packed samples shows anything; most blocks that do show something at one of their
+    ends."""
+    if packed[0] < CLEAR or packed[len(packed) - 1] < CLEAR:
         return False
     nearest = CLEAR
-    for k in range(len(entries)):
-        nearest = min(nearest, entries[k])
+    for k in range(len(packed)):
+        nearest = min(nearest, packed[k])
     return nearest >= CLEAR
 
 
 @helper
 def clear(visibility, n_row):
     """Clear the first `n_row` rows where they were written, padding included, and forget all extents."""
-    entries = visibility.entries
+    packed = visibility.packed
     for row in range(n_row):
         strip = strip_of(row)
         left, right = visibility.left[strip], visibility.right[strip]
         if left < right:
             start = row * visibility.pitch
             for k in range(start + left, start + right + PADDING):
-                entries[k] = CLEAR
+                packed[k] = CLEAR
     forget(visibility)
 
 
@@ -221,5 +224,5 @@ def forget(visibility):
 
 @kernel
 def forget_extents(visibility):
-    """Forget all extents and materials of a VisibilityBuffer without entries."""
+    """Forget all extents and materials of a VisibilityBuffer without packed samples."""
     forget(visibility)

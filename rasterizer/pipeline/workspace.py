@@ -6,10 +6,10 @@ import numpy as np
 
 from .a_buffer import Room
 from .fragments import BATCH_SHAPE
-from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
 from .texcoords import make_lookup_batch
+from .triangle_setups import TriangleSetups, make_triangle_setups
 from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
 
@@ -17,7 +17,7 @@ class Workspace(NamedTuple):
     """What one thread works on."""
 
     visibility: VisibilityBuffer
-    records: Records
+    setups: TriangleSetups
     block: Block  # of triangles, for the scan stage
     radiance: np.ndarray  # (n_channel, n_row * pitch), linear intensities
     batch: np.ndarray  # of fragments, float32, for lighting
@@ -27,7 +27,7 @@ class Workspace(NamedTuple):
     alphas: np.ndarray  # (n_row * pitch,) float32, what textures let through; no rows where none of either is there
     # None where the scene has no transparent surfaces:
     room: Room | None  # for the A-buffer
-    extents: VisibilityBuffer | None  # clear, without entries: for those of transparent surfaces
+    extents: VisibilityBuffer | None  # clear, without packed samples: for those of transparent surfaces
 
 
 class WorkspaceShape(NamedTuple):
@@ -52,15 +52,15 @@ class WorkspacePool:
     def __init__(self):
         self._free = {}
 
-    def acquire(self, shape: WorkspaceShape, n_record: int) -> Workspace:
-        """Return a clear workspace with room for `n_record` records; a new one where none of its shape is free."""
+    def acquire(self, shape: WorkspaceShape, n_setup: int) -> Workspace:
+        """Return a clear workspace with room for `n_setup` setups; a new one where none of its shape is free."""
         try:
             workspace = self._free.setdefault(shape, []).pop()
         except IndexError:  # asking first whether there is one would leave room for another thread to take it
-            workspace = make_workspace(shape, n_record)
-        if len(workspace.records.integers) < n_record:
-            records = make_records(n_record, shape.n_attribute)
-            workspace = workspace._replace(records=records)
+            workspace = make_workspace(shape, n_setup)
+        if len(workspace.setups.integers) < n_setup:
+            setups = make_triangle_setups(n_setup, shape.n_attribute)
+            workspace = workspace._replace(setups=setups)
         return workspace
 
     def release(self, shape: WorkspaceShape, workspace: Workspace) -> None:
@@ -68,13 +68,13 @@ class WorkspacePool:
         self._free[shape].append(workspace)
 
 
-def make_workspace(shape: WorkspaceShape, n_record: int) -> Workspace:
-    """Return a clear workspace with room for `n_record` records."""
+def make_workspace(shape: WorkspaceShape, n_setup: int) -> Workspace:
+    """Return a clear workspace with room for `n_setup` setups."""
     visibility = make_visibility_buffer(shape.width, shape.n_row)
-    n_sample = len(visibility.entries)
+    n_sample = len(visibility.packed)
     return Workspace(
         visibility,
-        make_records(max(n_record, 1), shape.n_attribute),
+        make_triangle_setups(max(n_setup, 1), shape.n_attribute),
         make_block(),
         np.zeros((shape.n_channel, n_sample), shape.dtype),
         np.zeros(BATCH_SHAPE, np.float32),

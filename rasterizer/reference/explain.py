@@ -43,7 +43,7 @@ from ..scene.scene import Scene
 from ..scene.validate import is_whole
 from .clip import to_eye
 from .light import Contribution, Lighting, Points, ambient_light, as_rgb, contributions, materials_at
-from .picture import Look, encode, in_range, look_at, render, resolve, spread_samples
+from .picture import PictureInputs, encode, gather_inputs, in_range, render, resolve, spread_samples
 from .shading import (
     Fragments,
     corner_points,
@@ -115,8 +115,8 @@ def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
     """
     width, height = options.size
     x, y = _checked_index(x, "x", width, "columns"), _checked_index(y, "y", height, "rows")
-    look = look_at(scene, options.size, options)
-    return _sum_up(look, x, y, _explain_samples(look, x, y, options.factor))
+    inputs = gather_inputs(scene, options.size, options)
+    return _sum_up(inputs, x, y, _explain_samples(inputs, x, y, options.factor))
 
 
 # --- what its samples see ------------------------------------------------------------------------------------
@@ -138,9 +138,9 @@ class _Sample(NamedTuple):
     layers: list[_Layer]  # the nearest first
 
 
-def _sum_up(look: Look, x: int, y: int, samples: list[_Sample]) -> Explanation:
+def _sum_up(inputs: PictureInputs, x: int, y: int, samples: list[_Sample]) -> Explanation:
     """Average the samples of a pixel, and bring the mean to 8 bits."""
-    scene, options = look.scene, look.options
+    scene, options = inputs.scene, inputs.options
     square = options.factor, options.factor
     color = np.array([_color_of(sample) for sample in samples]).reshape(*square, 3)
     alpha = np.array([sum(layer.visible for layer in sample.layers) for sample in samples]).reshape(square)
@@ -154,7 +154,7 @@ def _sum_up(look: Look, x: int, y: int, samples: list[_Sample]) -> Explanation:
     of_samples = [_rows_of(sample) for sample in samples]
     nearest = min(range(len(samples)), key=lambda k: (samples[k].x - x - 0.5) ** 2 + (samples[k].y - y - 0.5) ** 2)
     (width, height), n = options.size, len(samples)
-    what = f"of {width} x {height}, {look.shading} shading, " + (f"the mean of {n} samples" if n > 1 else "1 sample")
+    what = f"of {width} x {height}, {inputs.shading} shading, " + (f"the mean of {n} samples" if n > 1 else "1 sample")
     rows = [
         (f"pixel ({x}, {y})", what),
         *of_samples[nearest],
@@ -196,9 +196,9 @@ def _checked_index(value: SupportsIndex, name: str, limit: int, what: str) -> in
     return int(value)
 
 
-def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]:
+def _explain_samples(inputs: PictureInputs, x: int, y: int, per_axis: int) -> list[_Sample]:
     """Explain the per_axis² samples of a pixel, row by row."""
-    raster, lighting = spread_samples(look, per_axis)
+    raster, lighting = spread_samples(inputs, per_axis)
     window = Window(x * per_axis, y * per_axis, per_axis, per_axis)
     raster = raster.within(window)
     layers: dict[tuple[int, int], list[_Layer]] = {at: [] for at in np.ndindex(per_axis, per_axis)}
@@ -208,9 +208,9 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]
         for k in range(len(fragments.face)):
             one = fragments.part(slice(k, k + 1))
             at = int(one.rows[0]) - window.top, int(one.columns[0]) - window.left
-            texels = sample_textures(look.surface, one, lighting)
-            opacity = float(opacity_of(look.surface, one, lighting, texels)[0])
-            layers[at].append(_explain_layer(look, one, lighting, opacity, float(through[at]) * opacity))
+            texels = sample_textures(inputs.surface, one, lighting)
+            opacity = float(opacity_of(inputs.surface, one, lighting, texels)[0])
+            layers[at].append(_explain_layer(inputs, one, lighting, opacity, float(through[at]) * opacity))
             through[at] *= 1.0 - opacity
         is_open = (visible.piece >= 0) & (through > 0)
         visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NO_KEY)))
@@ -220,9 +220,11 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[_Sample]
     ]
 
 
-def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity: float, visible: float) -> _Layer:
+def _explain_layer(
+    inputs: PictureInputs, fragment: Fragments, lighting: Lighting, opacity: float, visible: float
+) -> _Layer:
     """Explain what one sample sees: `fragment` has one row, and `visible` of its colour is seen."""
-    surface = look.surface
+    surface = inputs.surface
     texel = sample_textures(surface, fragment, lighting)[0, :3]
     points, weights, lit_at = _evaluation_points(surface, fragment, lighting)
     cue = float(cue_factors(fragment.depth, lighting)[0])
@@ -239,7 +241,7 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, opacity:
     depth_cue = (1.0 - cue) * np.array(lighting.cue.color) if lighting.cue is not None else np.zeros(3)
     color = ambient + emission + depth_cue + light
     normal = points.normals[0] if lighting.shading == "flat" else sample_normals(surface, fragment)[0]
-    face, material = _names_of(look.scene, int(fragment.face[0]))
+    face, material = _names_of(inputs.scene, int(fragment.face[0]))
     brush = materials_at(points, lighting)[0]
     rows: list[Row] = [
         ("layer", face),

@@ -71,8 +71,8 @@ class Picture(NamedTuple):
     surface: SurfaceBuffers
 
 
-class Look(NamedTuple):
-    """How a scene is looked at: what doesn't depend on the number of samples."""
+class PictureInputs(NamedTuple):
+    """What a picture is made from, but for its samples."""
 
     scene: Scene
     camera: Camera
@@ -152,29 +152,29 @@ def render(
         from ..io.loader import load  # which imports what is compiled
 
         scene = load(scene)
-    look = look_at(scene, size, options, (near, far), rounded)
+    inputs = gather_inputs(scene, size, options, (near, far), rounded)
     per_axis = options.factor
-    centres = _draw(look, 1)
-    fine = _draw(look, per_axis) if per_axis > 1 else centres
+    centres = _draw(inputs, 1)
+    fine = _draw(inputs, per_axis) if per_axis > 1 else centres
     color, alpha = resolve(fine.color, fine.alpha, per_axis, scene.background)
     shown = in_range(color, color_range)
     if options.edges:
-        share, seen = cover_edges(look, fine.depth, per_axis)
+        share, seen = cover_edges(inputs, fine.depth, per_axis)
         seen = seen if scene.background is None else np.ones_like(seen)
         ink = np.array(linear_rgb(options.edge_color))
         shown, _ = lay_over(shown, alpha, share, seen, ink)
         color, alpha = lay_over(color, alpha, share, seen, ink)
-    of_surface = describe_surface(scene, look.surface, centres.fragments, centres.normal, look.camera.view())
+    of_surface = describe_surface(scene, inputs.surface, centres.fragments, centres.normal, inputs.camera.view())
     return Picture(color, alpha, encode(shown), centres.depth, centres.face, centres.normal, centres.margin, of_surface)
 
 
-def look_at(
+def gather_inputs(
     scene: Scene,
     size: tuple[int, int],
     options: Options,
     limits: tuple[float | None, float | None] = (None, None),
     is_rounded: bool = True,
-) -> Look:
+) -> PictureInputs:
     """Gather what a picture is made from; `limits` and `is_rounded` are `near`, `far` and `rounded` of `render`."""
     camera = scene.camera_for(size)
     near, far = (
@@ -184,45 +184,50 @@ def look_at(
     shading = "flat" if options.is_flat else options.shading
     surface, is_asked = gather(scene, shading), options.cull == "auto"
     inner = [find_inner_sides(mesh) if is_asked else np.zeros(mesh.n_face, np.int64) for mesh in scene.meshes]
-    return Look(scene, camera, surface, size, options, (near, far), boxes, is_rounded, np.concatenate(inner), shading)
+    return PictureInputs(
+        scene, camera, surface, size, options, (near, far), boxes, is_rounded, np.concatenate(inner), shading
+    )
 
 
-def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
+def spread_samples(inputs: PictureInputs, per_axis: int) -> tuple[Raster, Lighting]:
     """Bring the surface to a grid of per_axis² samples a pixel, and gather what lights it."""
-    grid = look.size[0] * per_axis, look.size[1] * per_axis
-    view, projection, surface, options = look.camera.view(), look.camera.projection(grid), look.surface, look.options
-    lighting = make_lighting(look.scene, surface, view, projection, look.shading, options.spectral, options.exposure)
+    grid = inputs.size[0] * per_axis, inputs.size[1] * per_axis
+    surface, options = inputs.surface, inputs.options
+    view, projection = inputs.camera.view(), inputs.camera.projection(grid)
+    lighting = make_lighting(
+        inputs.scene, surface, view, projection, inputs.shading, options.spectral, options.exposure
+    )
     position = to_eye(surface.corners, view)
     shown = depths_in_view(position, projection, grid)
-    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits, shown)
+    depths = choose_range(depths_of_boxes(inputs.boxes, view), projection.is_perspective, *inputs.limits, shown)
     pieces = clip_to_view(position, projection, depths)
     screen = snap(pieces.position, projection)
     places, plane_depths = screen, depths_on_planes(pieces.position, projection)
-    if not look.is_rounded:  # rounding to the grid then decides what is covered, and nothing else
+    if not inputs.is_rounded:  # rounding to the grid then decides what is covered, and nothing else
         places, plane_depths = project(pieces.position, projection), pieces.position[..., 2]
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
-    n_face = [mesh.n_face for mesh in look.scene.meshes]
+    n_face = [mesh.n_face for mesh in inputs.scene.meshes]
     is_drawn = facing > 0 if options.cull == "back" else facing != 0
-    is_outside = np.repeat(are_outside(look.boxes, view, projection, depths.near, grid), n_face)
-    is_drawn &= (facing != look.inner_sides[pieces.face]) | ~is_outside[pieces.face]
+    is_outside = np.repeat(are_outside(inputs.boxes, view, projection, depths.near, grid), n_face)
+    is_drawn &= (facing != inputs.inner_sides[pieces.face]) | ~is_outside[pieces.face]
     side = compute_sides(surface, pieces.face, facing)
     window = Window(0, 0, *grid)
     raster = Raster(pieces, screen, places, plane_depths, side, is_drawn, window, projection)
-    palette = palette_of(look.scene)
+    palette = palette_of(inputs.scene)
     if any(material.alpha_cutoff is not None for material in palette):
         raster = raster._replace(are_there=partial(are_there, surface, palette))
     return raster, lighting
 
 
-def _draw(look: Look, per_axis: int) -> Layers:
+def _draw(inputs: PictureInputs, per_axis: int) -> Layers:
     """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing
     through.
 
     Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA,
     "Interactive order-independent transparency", for a picture of the next layer behind the one before.
     """
-    raster, lighting = spread_samples(look, per_axis)
-    surface, shape = look.surface, raster.window.shape
+    raster, lighting = spread_samples(inputs, per_axis)
+    surface, shape = inputs.surface, raster.window.shape
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = find_visible(raster)
@@ -260,15 +265,15 @@ def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -
     return color * opaque + np.array(linear_rgb(background)) * (1 - opaque), np.ones_like(alpha)
 
 
-def cover_edges(look: Look, depth: NDArray, per_axis: int) -> tuple[NDArray, NDArray]:
+def cover_edges(inputs: PictureInputs, depth: NDArray, per_axis: int) -> tuple[NDArray, NDArray]:
     """Return which share of each pixel the edges cover that the options ask for, and which share of it sees anything,
     (h, w) each; `depth` is that of a grid of per_axis² samples a pixel."""
-    (width, height), view, options = look.size, look.camera.view(), look.options
-    projection = look.camera.projection((width * per_axis, height * per_axis))
-    shown = depths_in_view(to_eye(look.surface.corners, view), projection, (width * per_axis, height * per_axis))
-    depths = choose_range(depths_of_boxes(look.boxes, view), projection.is_perspective, *look.limits, shown)
+    (width, height), view, options = inputs.size, inputs.camera.view(), inputs.options
+    projection = inputs.camera.projection((width * per_axis, height * per_axis))
+    shown = depths_in_view(to_eye(inputs.surface.corners, view), projection, (width * per_axis, height * per_axis))
+    depths = choose_range(depths_of_boxes(inputs.boxes, view), projection.is_perspective, *inputs.limits, shown)
     segments = []
-    for edge in (edge for mesh in look.scene.meshes for edge in list_edges(mesh)):
+    for edge in (edge for mesh in inputs.scene.meshes for edge in list_edges(mesh)):
         side = find_side(edge, options.edges, view, projection.is_perspective, options.cull == "back")
         if side is not None and len(segment := make_segment(edge, view, projection, depths)):
             segments.append((segment, side))

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..appearance import Appearance
 from ..errors import SceneError, error_of, install_command
 from ..frame import Frame
 from ..io.camera_file import viewpoint_of
 from ..keywords import divided, takes_words
-from ..look import Look
 from ..options import Options
 from ..picking import Pick
-from ..renderer import load_look, render
+from ..renderer import load_with_appearance, render
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from ..viewpoint import Viewpoint
@@ -52,7 +52,7 @@ class SceneView(Protocol):
         """Take the widget out of the notebook, and end the threads that draw."""
 
 
-@takes_words(Viewpoint, Look, Options, but=("size", "outputs"))
+@takes_words(Viewpoint, Appearance, Options, but=("size", "outputs"))
 def view(
     scene: Any,
     size: int | Sequence[int] = _SIZE,
@@ -110,7 +110,7 @@ def view(
         render(scene, **words)
     view_words, others = divided(words, Viewpoint)
     viewpoint = viewpoint_of(view_words)
-    scene, made, framing, _ = load_look(scene, others, size, options, viewpoint.of_file)
+    scene, made, framing, _ = load_with_appearance(scene, others, size, options, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
     camera = viewpoint.over(framing).camera_of(scene, made.size) if view_words or framing else None
     settings = {name: value for name, value in vars(made).items() if name not in ("size", "outputs")}

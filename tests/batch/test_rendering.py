@@ -171,6 +171,33 @@ def test_what_is_there_or_newer_than_its_model_is_skipped(folder):
     assert statuses(existing="skip") == ["skipped"] * 4 and statuses(existing="replace") == ["drawn"] * 4
 
 
+def test_a_picture_is_made_anew_where_a_file_that_its_task_names_is_newer(folder):
+    Image.new("RGB", (2, 2), "red").save("a.png")
+    Path("own.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    Path("a.json").write_text('{"eye": [3, 2, 5], "target": [0, 0, 0]}')
+    tasks = [
+        rz.RenderTask("own.obj", "texture.png", options={"material": {"texture": "a.png"}, "size": 8}),
+        rz.RenderTask(
+            "own.obj",
+            "metal.png",
+            options={"material": {"metallic_roughness": "a.png", "reflection": "cook-torrance"}, "size": 8},
+        ),
+        rz.RenderTask(GEAR, "camera.png", camera="a.json", options={"size": 8}),
+        rz.RenderTask(GEAR, "framed.png", camera="frame", options={"size": 8}),
+    ]
+
+    def statuses():
+        with ThreadPoolExecutor(1) as executor:
+            return [record.status for record in draw(tasks, executor, existing="changed")]
+
+    assert statuses() == ["drawn"] * 4 and statuses() == ["skipped"] * 4
+    for name, n_before, n_newer in (("a.png", 0, 2), ("a.json", 2, 1)):
+        later = time.time() + 10
+        os.utime(name, (later, later))
+        assert statuses() == ["skipped"] * n_before + ["drawn"] * n_newer + ["skipped"] * (4 - n_before - n_newer), name
+        os.utime(name, (0, 0))
+
+
 def test_no_file_is_written_twice_nor_over_a_model(folder):
     (folder / "own.obj").write_bytes(open(CUBE, "rb").read())
     (folder / "own.png").write_bytes(open(CUBE, "rb").read())

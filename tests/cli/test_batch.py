@@ -104,6 +104,11 @@ def test_folders_are_made_again_and_what_is_there_is_skipped(folder, capsys):
     os.utime("parts/a/model.obj", (later, later))
     assert done("--skip-existing") == "0 pictures drawn, 3 skipped"
     assert done("--changed") == "1 picture drawn, 2 skipped", "one is older than its model"
+    np.save("values.npy", np.arange(8.0))
+    os.utime("values.npy", (2 * later, 2 * later))
+    for _ in range(2):
+        assert batch(CUBE, "-o", "cube.png", "--scalars", "values.npy", "--changed") == 0
+        assert summary_of(errors(capsys)) == "1 picture drawn", "it is older than its scalars"
 
 
 def test_what_is_not_legal_is_told_before_a_model_is_loaded(capsys):

@@ -96,7 +96,7 @@ def test_a_texture_needs_a_file_and_coordinates(folder, capsys):
 
 def lights_of(*argv):
     request = request_of(CUBE, *argv)
-    return request.look.change(rz.load(CUBE), shadow_fields=request.shadow_fields).lights
+    return request.appearance.change(rz.load(CUBE), shadow_fields=request.shadow_fields).lights
 
 
 def shadows_of(*argv) -> list:

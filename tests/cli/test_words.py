@@ -14,8 +14,8 @@ from helpers.model_bytes import rich_gltf
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.appearance import Appearance
 from rasterizer.cli.parser import make_command_parser
-from rasterizer.look import Look
 from rasterizer.options import Options
 from rasterizer.viewpoint import Viewpoint
 
@@ -213,7 +213,7 @@ def test_a_word_is_a_key_of_a_scene_file_or_on_the_list():
     for words in tried:
         expected = rz.render(TORUS, **{"size": SIZE} | words)
         assert not differences(rz.render(scene_file({"size": SIZE} | words)).rgba, expected.rgba), words
-    every = {each.name for cls in (Look, Viewpoint, Options) for each in fields(cls)}
+    every = {each.name for cls in (Appearance, Viewpoint, Options) for each in fields(cls)}
     assert every == NO_KEYS.keys() | {word for words in tried for word in words}
     for word in ("format", "allow_outside"):
         with pytest.raises(rz.SceneError, match=f"words.json: unknown key .{word}"):

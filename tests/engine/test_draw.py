@@ -1,4 +1,4 @@
-"""Bands: high enough to be worth a thread, low enough for a cache, and for the numbers of records."""
+"""Bands: high enough to be worth a thread, low enough for a cache, and for the numbers of setups."""
 
 from types import SimpleNamespace
 
@@ -8,11 +8,11 @@ from helpers.stages import SERIAL, drawables_of
 
 import rasterizer as rz
 from rasterizer.engine.draw import cull
-from rasterizer.pipeline.visibility import MAX_RECORDS
+from rasterizer.pipeline.visibility import MAX_SETUPS
 
 
 def test_too_many_triangles_for_a_band_make_it_lower():
-    """Record numbers are limited: bands are halved until they suffice; one row of pixels must do."""
+    """Setup numbers are limited: bands are halved until they suffice; one row of pixels must do."""
     rng, (width, height), n, factor = np.random.default_rng(3), (64, 44), 900, 2
     corners = rng.uniform(0, (width - 8, height - 8), (n, 1, 2)) + np.array([(0, 0), (6, 0), (0, 6)])
     drawables = drawables_of(np.rint(256 * corners), np.full((n, 3), 2.0**30), np.zeros((1, n, 3, 1), np.float32))
@@ -20,7 +20,7 @@ def test_too_many_triangles_for_a_band_make_it_lower():
     def bands_of(limit):
         as_pass = SimpleNamespace(
             n_sample=(width, height), factor=factor, sample_time=4, hidden_sides=None,
-            units_per_record=MAX_RECORDS // limit, opacity=None,
+            units_per_setup=MAX_SETUPS // limit, opacity=None,
         )  # fmt: skip
         lists, n_row = cull(drawables.triangles, drawables.vertices, as_pass, SERIAL)
         return n_row, np.diff(lists.starts)

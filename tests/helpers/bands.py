@@ -21,14 +21,14 @@ def fill(covered, radiance, dtype=np.float32):
     visibility = workspace.visibility
     workspace.radiance[:] = 77.0
     workspace.radiance.reshape(len(radiance), n_row, visibility.pitch)[:, :, :width] = np.where(covered, radiance, 1e9)
-    entries = visibility.entries.reshape(n_row, visibility.pitch)
-    entries[:, :width][covered] = np.arange(covered.sum()) + 5
+    packed = visibility.packed.reshape(n_row, visibility.pitch)
+    packed[:, :width][covered] = np.arange(covered.sum()) + 5
     for row, columns in enumerate(covered):
         if columns.any():
             visibility.left[row >> 3] = min(visibility.left[row >> 3], np.argmax(columns))
             visibility.right[row >> 3] = max(visibility.right[row >> 3], width - np.argmax(columns[::-1]))
     # What lanes read and write back behind a row.
-    entries[:, width:] = CLEAR
+    packed[:, width:] = CLEAR
     return workspace
 
 

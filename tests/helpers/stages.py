@@ -12,15 +12,15 @@ from rasterizer.pipeline.gradients import (
     EXACT,
     HAS_ALBEDO,
     HAS_COLORS,
-    IN_ENTRIES,
+    IN_PACKED,
     IN_PLANES,
     SINGLE_PRECISION,
     Coding,
 )
 from rasterizer.pipeline.interpolate import ScannedBand
-from rasterizer.pipeline.records import UNIT, max_units
 from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.transform import Drawables, PixelWidth, Triangles, Vertices, make_screen
+from rasterizer.pipeline.triangle_setups import UNIT, max_units
 from rasterizer.pipeline.workspace import WorkspaceShape, make_workspace
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View
@@ -40,20 +40,20 @@ def screen_of(view, projection, depths, far_clip=np.inf):
     return make_screen(view, projection, depths, depths[0], far_clip)
 
 
-# What a coding of tests is made of, and the path that all of its materials ask for: exact records · intensities in
-# entries · intensities in planes · normals, and albedo behind them, in planes.
+# What a coding of tests is made of, and the path that all of its materials ask for: exact setups · intensities in
+# packed samples · intensities in planes · normals, and albedo behind them, in planes.
 KINDS = {
     "exact": EXACT,
-    "entries": IN_ENTRIES,
+    "packed": IN_PACKED,
     "values": IN_PLANES,
     "normals": IN_PLANES,
 }
 
 
 def plain_coding(
-    kind, screen, n_attributes=1, dtypes=np.float32, *, level_scale=1.0, tolerance=0.0, normal_limit=0.0, **options
+    kind, screen, n_attributes=1, dtypes=np.float32, *, intensity_scale=1.0, tolerance=0.0, normal_limit=0.0, **options
 ):
-    """What entries and records hold, for a screen.
+    """What packed samples and setups hold, for a screen.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ def plain_coding(
     features = np.where(is_double, DOUBLE_PRECISION, SINGLE_PRECISION) | np.where(n_attributes >= 3, HAS_COLORS, 0)
     features = features | HAS_COLORS if kind == "normals" else features
     features = features | np.where(n_attributes >= 6, HAS_ALBEDO, 0) if kind in ("exact", "normals") else features
-    paths = np.where((path == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, path)  # an entry has one channel
+    paths = np.where((path == IN_PACKED) & (n_attributes >= 3), IN_PLANES, path)  # a packed sample has one channel
     return Coding(
         paths=np.where(is_double, EXACT, paths).astype(np.uint8),
         features=(features | options.get("features", 0)).astype(np.uint8),
         reads_double=is_double,
         n_attributes=n_attributes,
         limits=np.full(len(n_attributes), float(normal_limit if kind == "normals" else tolerance)),
-        level_scale=0.0 if kind == "normals" else float(level_scale),
+        intensity_scale=0.0 if kind == "normals" else float(intensity_scale),
         albedo_tolerance=float(tolerance),
         needs_distance=options.get("needs_distance", False),
         textures=None,
@@ -104,7 +104,7 @@ def scan_alone(triangles, depth, attributes, coding, screen, size, material=NO_M
     Parameters
     ----------
     material : (n,) of each triangle
-    options : deferred, where transparent triangles go; y_start, of the band; room for records, units; fill, what is
+    options : deferred, where transparent triangles go; y_start, of the band; room for setups, units; fill, what is
         there before, a number, or one for each place of a unit; run, in place of `scan`
 
     Returns
@@ -119,26 +119,26 @@ def scan_alone(triangles, depth, attributes, coding, screen, size, material=NO_M
     kind = WorkspaceShape(size[0], size[1], n_attribute, n_attribute, dtype, 0, False)
     workspace = make_workspace(kind, options.get("room", n * max_units(coding)))
     fill = options.get("fill", 0)
-    workspace.records.integers.fill(np.max(fill))
-    workspace.records.int_planes.reshape(-1, UNIT)[...] = fill
+    workspace.setups.integers.fill(np.max(fill))
+    workspace.setups.int_planes.reshape(-1, UNIT)[...] = fill
     y_start = options.get("y_start", 0)
     band = Band(np.arange(n, dtype=np.uint32), y_start, y_start + size[1])
     drawables = drawables_of(triangles, z, attributes[None], material=material)
     counts = options.get("run", scan)(
-        band, drawables, coding, workspace.block, workspace.visibility, workspace.records, options.get("deferred")
+        band, drawables, coding, workspace.block, workspace.visibility, workspace.setups, options.get("deferred")
     )
     return workspace, ScanCounts(*counts)
 
 
 def band_of(workspace, coding, counts, n_row, y_start=0):
     """What a scan left, for the stages behind it."""
-    return ScannedBand(workspace.visibility, workspace.records, coding, counts, y_start, n_row)
+    return ScannedBand(workspace.visibility, workspace.setups, coding, counts, y_start, n_row)
 
 
-def entries_of(workspace, size):
+def packed_of(workspace, size):
     """The visibility buffer without its padding, (rows, columns) int64."""
     visibility = workspace.visibility
-    return visibility.entries.reshape(size[1], visibility.pitch)[:, : size[0]]
+    return visibility.packed.reshape(size[1], visibility.pitch)[:, : size[0]]
 
 
 def covered(triangle, size):

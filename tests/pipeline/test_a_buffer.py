@@ -43,8 +43,8 @@ def test_the_array_of_fragments_grows_up_to_a_limit():
     expected = sum(reference.coverage(triangle, *size).astype(int) for triangle in triangles)
     n, n_sample = int(fragments.found[0]), len(a_buffer.transmittance)
     assert n == expected.sum() > 4 * n_sample and not fragments.found[1]
-    starts, entries = np.empty(n_sample + 1, np.int64), np.empty(n, np.int64)
-    sort_fragments(fragments, starts, entries)
+    starts, packed = np.empty(n_sample + 1, np.int64), np.empty(n, np.int64)
+    sort_fragments(fragments, starts, packed)
     counted = np.diff(starts)
     for row in range(size[1]):
         first, end = a_buffer.first_samples[row : row + 2]
@@ -190,7 +190,8 @@ def random_cards(rng, n, size, is_grey=False):
 
 
 def test_at_equal_depth_the_lower_face_is_in_front_in_a_heap_of_cards():
-    """Intensities of grey cards stand in their entries, which don't tell their faces, where any error is allowed."""
+    """Intensities of grey cards stand in their packed samples, which don't tell their faces, where any error is
+    allowed."""
     for k, (shading, samples, is_grey, tolerance) in enumerate(
         pairs(shading=SHADINGS, samples=(1, 4), is_grey=(True, False), tolerance=(0.0, 1 / 4096))
     ):

@@ -1,4 +1,5 @@
-"""Check the exact buffers: depth against rational numbers, faces, normals, the clean-up; depths that entries tell."""
+"""Check the exact buffers: depth against rational numbers, faces, normals, the clean-up; depths that packed samples
+tell."""
 
 from types import SimpleNamespace
 

@@ -1,5 +1,5 @@
 """Check that no scene makes a kernel read or write outside its arrays: scenes aimed at every place where a float
-becomes an index, at words and record numbers, and at the ends of ranges.
+becomes an index, at words and setup numbers, and at the ends of ranges.
 
 Kernels are compiled without bounds checks: so these tests are worth most with NUMBA_BOUNDSCHECK=1, where a wrong index
 is an IndexError. RASTERIZER_FUZZ_CASES is the number of random scenes of the nightly run.

@@ -76,7 +76,8 @@ def test_power_in_float32_keeps_the_bound_of_its_docstring():
 
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_powers_of_anything_are_between_0_and_1(dtype):
-    """No base and no exponent may give what is no intensity: it could end up in the bits of a visibility entry."""
+    """No base and no exponent may give what is no intensity: it could end up in the bits of a visibility packed
+    sample."""
     limits = np.finfo(dtype)
     near_one = np.concatenate([1 + limits.eps * np.arange(-40, 41) / 2, [0.5, 0.7, 2**-0.5]])
     odd = [0.0, -0.0, 1e-45, limits.tiny, 1e-30, 1e-20, 2, 1e10, limits.max, np.inf, np.nan]

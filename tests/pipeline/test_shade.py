@@ -26,7 +26,7 @@ WHITE = np.ones(3, np.float32)
 
 
 def shade(scanned, coding, size, n_channel):
-    """Intensities (n_channel, rows, columns) of a band of entries, planes or exact records."""
+    """Intensities (n_channel, rows, columns) of a band of packed samples, planes or exact setups."""
     workspace, counts = scanned
     workspace.radiance[:] = np.nan
     band = band_of(workspace, coding, counts, size[1])
@@ -35,7 +35,7 @@ def shade(scanned, coding, size, n_channel):
 
 
 def exact_coding(base, screen, n_attributes, dtypes, **options):
-    """A coding under which all records are exact: in float32 that of intensities ("values") or of normals, as scenes
+    """A coding under which all setups are exact: in float32 that of intensities ("values") or of normals, as scenes
     have it."""
     if dtypes is np.float64:
         return plain_coding("exact", screen, n_attributes, dtypes, **options)

@@ -1,4 +1,4 @@
-"""Textures at the texture coordinates of exact records."""
+"""Textures at the texture coordinates of exact setups."""
 
 import numpy as np
 

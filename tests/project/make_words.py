@@ -39,12 +39,13 @@ def words_of(tree: ast.Module, cls: str, keep=lambda _name: True) -> tuple[str, 
 
 def text() -> str:
     """Return what the file must hold."""
-    options, look, viewpoint = trees = [
-        ast.parse((PACKAGE / f"{name}.py").read_text(encoding="utf-8")) for name in ("options", "look", "viewpoint")
+    options, appearance, viewpoint = trees = [
+        ast.parse((PACKAGE / f"{name}.py").read_text(encoding="utf-8"))
+        for name in ("options", "appearance", "viewpoint")
     ]
     groups = [
         ("OptionWords(TypedDict", "Fields of `Options`.", words_of(options, "Options", lambda name: name != "size")),
-        ("LookWords(TypedDict", "Fields of `Look`.", words_of(look, "Look")),
+        ("AppearanceWords(TypedDict", "Fields of `Appearance`.", words_of(appearance, "Appearance")),
         (
             "ViewpointWords(TypedDict",
             "Fields of `Viewpoint`.",
@@ -55,7 +56,7 @@ def text() -> str:
             "All fields of `Viewpoint`.",
             words_of(viewpoint, "Viewpoint", lambda name: name == "camera"),
         ),
-        ("SceneWords(LookWords, OptionWords", "What `Renderer` takes.", ("", set())),
+        ("SceneWords(AppearanceWords, OptionWords", "What `Renderer` takes.", ("", set())),
         ("RenderWords(ViewWords, SceneWords", "What `render` takes.", ("", set())),
     ]
     wanted = set().union(*(names for _, _, (_, names) in groups))

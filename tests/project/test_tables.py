@@ -28,7 +28,7 @@ MACHINE = {"cpu": "C", "cores": 2, "python": "3", "numpy": "2", "numba": "0", "r
 
 
 def test_what_is_kept_comes_into_the_page(own_folder, capsys):
-    row = {"case": "a", "why": "b.", "result": "right", "of_bound": 0.5, "path": "entries, exact"}
+    row = {"case": "a", "why": "b.", "result": "right", "of_bound": 0.5, "path": "packed, exact"}
     record = {"bench": "hard_cases", "machine": MACHINE, "settings": {"model": "/a/b/scan.obj"}, "rows": [row]}
     for name in ("hard_cases", tables.USUAL):
         measure.keep(record | {"code": measure.code_hash()}, tables.RESULTS / f"{name}.json")

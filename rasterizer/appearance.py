@@ -38,11 +38,12 @@ if TYPE_CHECKING:
 READING = (
     "format", "crease_angle", "weighting", "drop_bad_faces", "allow_outside", "up", "scalars", "cmap", "clim",
 )  # fmt: skip
+TEXTURES = ("texture", "metallic_roughness")  # fields of a material that may name a file
 
 
 @checked_fields
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class Appearance:
     """Hold how a model is read, and what is changed of its scene; `render` says what each field is.
 
     `material` is stored as a dict of the fields that every material gets, those of `color` and `reflection` among them.
@@ -94,13 +95,13 @@ class Look:
         """The words that say how a file or mesh is read, as `load` takes them."""
         return dict(zip(READING, attrgetter(*READING)(self), strict=True))
 
-    def over(self, other: Look | None) -> Look:
-        """Return the look that a scene file asks for, if it does, changed by what this one says: its lights replace all
-        others, of a material its fields those of the same names."""
+    def over(self, other: Appearance | None) -> Appearance:
+        """Return the appearance that a scene file asks for, if it does, changed by what this one says: its lights
+        replace all others, of a material its fields those of the same names."""
         if other is None:
             return self
         given = {}
-        for each in fields(Look):
+        for each in fields(Appearance):
             value = getattr(self, each.name)
             if value is not None and (each.default is None or value != each.default):
                 given[each.name] = value
@@ -177,12 +178,12 @@ class Look:
         if not found:
             return found
         made = Material(**found)
-        return found | {name: getattr(made, name) for name in ("texture", "metallic_roughness") if name in found}
+        return found | {name: getattr(made, name) for name in TEXTURES if name in found}
 
     def _change_mesh(self, mesh: Mesh) -> Mesh:
         """Return a mesh with other materials, and subdivided."""
         if self.material:
-            for name in ("texture", "metallic_roughness"):
+            for name in TEXTURES:
                 if self.material.get(name) is not None and mesh.uv is None:
                     which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
                     raise ModelError(f"{which} has no texture coordinates (uv), which the material's {name} needs")
