@@ -249,13 +249,16 @@ def test_opacity_0_shows_nothing_and_1_hides_all():
 
 
 def test_the_opacity_of_next_to_nothing_keeps_its_digits():
-    """1 - (1 - a) would be 0, or anything."""
+    """1 - (1 - a) would be 0, or anything; 1 / a infinite."""
     for opacity in (1e-4, 1e-7, 1e-12, 1e-30):
         for tolerance in (0, 1 / 4096):
             glass = paint((0.9, 0.3, 0.2), opacity)
             frame = show([pane(2.0, glass), pane(3.0, glass)], tolerance=tolerance)
             off = np.abs(frame.alpha / (2 * opacity - opacity**2) - 1).max(), np.abs(frame.color - glass.ambient).max()
             assert max(off) < 1e-6, f"opacity {opacity}: alpha off by {off[0]:.3g} of it, colour by {off[1]:.3g} > 1e-6"
+    assert (
+        np.abs(show([pane(2.0, paint((0.9, 0.3, 0.2), 1e-320))]).color - (0.9, 0.3, 0.2)).max() < 1e-3
+    )  # three digits
 
 
 # ---------------------------------------------------------------- what else opacity meets
