@@ -96,6 +96,8 @@ def read_nerf(path: str | os.PathLike[str], size: Sequence[int] | None = None) -
 
 def _of_nerf(said: dict[str, Any], size: Sequence[int] | None) -> Camera:
     """Return the camera of what is said of a picture."""
+    if not isinstance(said["file_path"], str):
+        raise ValueError(f"file_path must be text; given {shown(said['file_path'])}")
     if any(said.get(name) for name in _DISTORTION):
         raise ValueError(UNDISTORT)
     width, height = (said["w"], said["h"]) if "w" in said else size or (None, None)

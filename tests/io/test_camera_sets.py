@@ -97,7 +97,7 @@ def test_nerfs_file_is_what_its_formulas_say_and_comes_back():
             rz.read_nerf("plain.json")
     faults = [plain | {"w": 64, "h": 48} | change for change in (
         {"camera_angle_x": 0}, {"camera_angle_x": 10**400}, {"fl_x": 1e400}, {"w": 64.5}, {"w": 0}, {"h": "48"},
-        {"w": float("inf")}, {"cx": [1]},
+        {"w": float("inf")}, {"cx": [1]}, {"frames": [said["frames"][0] | {"file_path": None}]},
     )]  # fmt: skip
     texts = [
         "[]",
