@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -279,8 +279,17 @@ class Renderer:
             raise SceneError("this Renderer is closed; make a new one")
         if isinstance(camera, Camera) and not words:
             return camera
-        viewpoint = viewpoint_of({"camera": camera, **words})
-        return viewpoint.over(self.framing).camera_of(self.scene, self.options.size, lambda: self.subject)
+        return self._own_camera if camera is None and not words else self._seen_by({"camera": camera, **words})
+
+    def _seen_by(self, words: Mapping[str, Any]) -> Camera:
+        """Return the camera that words ask for."""
+        viewpoint = viewpoint_of(words).over(self.framing)
+        return viewpoint.camera_of(self.scene, self.options.size, lambda: self.subject)
+
+    @cached_property
+    def _own_camera(self) -> Camera:
+        """The camera of pictures for which none is asked."""
+        return self._seen_by({})
 
     def _list_kernels(self) -> list[Job]:
         """List the kernels of a picture, as far as they are known before it is drawn."""
@@ -331,10 +340,12 @@ class Renderer:
         # What a frame picks with draws the surfaces that it shows, and no colours.
         kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
         shown_as = kept | {"outputs": "face", "samples": 1, "threads": 1}
-        make_renderer = cache(partial(Renderer, self.scene, options.size, **shown_as))
+        of_surfaces: list[Renderer] = []
 
         def draw_pick(x: int, y: int) -> Pick | None:
-            return make_renderer().pick(x, y, camera)
+            if not of_surfaces:
+                of_surfaces.append(Renderer(self.scene, options.size, **shown_as))
+            return of_surfaces[0].pick(x, y, camera)
 
         rgba = None if picture is None else picture.rgba
         return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, options, draw_pick))

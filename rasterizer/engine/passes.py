@@ -125,6 +125,7 @@ class ColorPass(Pass):
     picture: Picture  # written
     grid: SampleGrid = field(init=False)  # the samples of a pixel
     min_channels: int = field(init=False)  # that any band needs
+    has_plain: bool = field(init=False)  # some material has no texture
 
     def __post_init__(self) -> None:
         """Find out what is the same for all bands.
@@ -136,6 +137,7 @@ class ColorPass(Pass):
         plan = self.plan
         self.n_channel, self.dtype, self.opacity = plan.n_channel, plan.dtype, plan.opacity
         self.is_textured, self.units_per_setup = plan.textures is not None, max_units(self.coding)
+        self.has_plain = not (self.coding.features & HAS_TEXTURE).all()
         self.grid = make_grid(self.factor)
         is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
         is_same |= bool((plan.tint == 1.0).all())
@@ -172,7 +174,7 @@ class ColorPass(Pass):
                     lighting = self.lightings[batch.dtype]
                     shade_lit(scanned, self.screen, lighting, self.face_planes, tangents, texturing, batch, radiance)
         else:
-            if not (self.coding.features & HAS_TEXTURE).all():  # else `shade_textured` fills all samples
+            if self.has_plain:  # else `shade_textured` fills all samples
                 shade_interpolated(scanned, plan.tint, workspace.batch, radiance)
             if counts.features & HAS_TEXTURE:
                 shade_textured(scanned, texturing, workspace.batch, radiance)
