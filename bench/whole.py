@@ -7,7 +7,8 @@
 `raster MODEL -o out.png` and `f3d MODEL --output out.png` take turns, each a process of its own, from its start to its
 end, with its default look. f3d draws by OpenGL, which Mesa computes on the processor; where there is no display, Xvfb
 makes one. Models are made here: a rough torus in four formats; one in OBJ with normals, texture coordinates and twenty
-materials; GLB files with four textures of 2048×2048, also with holes and as metals, and with eight blended layers.
+materials, one of half a million quads; three million triangles in any order that share no corner; GLB files with a
+thousand small meshes, with four textures of 2048×2048, also with holes and as metals, and with eight blended layers.
 Of our time and f3d's the best is compared; of memory and processor time the medians.
 """
 
@@ -32,6 +33,7 @@ from bench import measure, scenes
 SIZE = "640x480"
 N_TEXTURE, TEXTURE_SIZE = 4, 2048
 N_LAYER, N_MATERIAL = 8, 20
+N_MESH, N_LOOSE = 1000, 3_000_000
 MILLION, TEN_MILLIONS = (1000, 500), (2500, 2000)  # rings and sides of a torus: half as many as its triangles
 
 
@@ -114,6 +116,36 @@ def write_materials(path: Path) -> Path:
     return path.with_suffix(".obj")
 
 
+def write_quads(path: Path) -> Path:
+    """Write a torus of quads."""
+    n_ring, n_side = MILLION
+    vertices, _ = scenes.torus(*MILLION)
+    corners = np.arange(n_ring * n_side).reshape(MILLION)
+    ahead = np.roll(corners, -1, 0)
+    quads = np.stack([corners, ahead, np.roll(ahead, -1, 1), np.roll(corners, -1, 1)], axis=-1).reshape(-1, 4) + 1
+    with open(path.with_suffix(".obj"), "w") as file:
+        file.writelines(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in vertices.tolist())
+        file.writelines(f"f {a} {b} {c} {d}\n" for a, b, c, d in quads.tolist())
+    return path.with_suffix(".obj")
+
+
+def write_loose(path: Path) -> Path:
+    """Write small triangles anywhere in a cube, none of which shares a corner with another one."""
+    random = np.random.default_rng(3)
+    corners = random.uniform(-1.0, 1.0, (N_LOOSE, 1, 3)) + random.uniform(-0.01, 0.01, (N_LOOSE, 3, 3))
+    faces = np.arange(3 * N_LOOSE).reshape(-1, 3)
+    return _write(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False), path, ".stl")
+
+
+def write_meshes(path: Path) -> Path:
+    """Write a cube of small spheres, each a mesh of its own."""
+    scene, side = trimesh.Scene(), round(N_MESH ** (1 / 3))
+    vertices, faces = scenes.icosphere(1)
+    for place in np.ndindex(side, side, side):
+        scene.add_geometry(trimesh.Trimesh(vertices + 3.0 * np.array(place), faces, process=False))
+    return _write(scene, path, ".glb")
+
+
 def write_textured(path: Path, look: str = "matt") -> Path:
     """Write four tori with a texture of 2048×2048 each: of matt colours, with holes, or of metals that vary."""
     scene, random = trimesh.Scene(), np.random.default_rng(2)
@@ -154,13 +186,16 @@ def _write(model, path: Path, suffix: str) -> Path:
 MADE = {
     **{f"1m-{name}": partial(write_torus, suffix=f".{name}") for name in ("obj", "ply", "stl", "glb")},
     "1m-materials": write_materials,
+    "quads": write_quads,
+    "loose": write_loose,
+    "meshes": write_meshes,
     "textured": write_textured,
     "cut-out": partial(write_textured, look="cut-out"),
     "metal": partial(write_textured, look="metal"),
     "layers": write_layers,
     "10m-stl": partial(write_torus, suffix=".stl", shape=TEN_MILLIONS),
 }
-USUAL = [name for name in MADE if not name.startswith("10m")]
+USUAL = [name for name in MADE if name != "10m-stl"]
 
 
 main = measure.script("whole", __doc__, add_arguments, measure_models)

@@ -198,6 +198,7 @@ def smooth_part(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Pa
 
     Where a mesh has colours of its vertices or corners and of its faces, those of the vertices or corners count.
     """
+    vertex = mesh.faces
     if mesh.normals is not None and mesh.crease_angle is None:
         if mesh.normals.ndim == 2:
             corner, source, normals = mesh.faces, None, mesh.normals
@@ -211,8 +212,8 @@ def smooth_part(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Pa
         corner, source, normals = split_creases(
             mesh.vertices, mesh.faces, angle, mesh.weighting, smoothing, workers, fans
         )
-        if np.array_equal(source, np.arange(mesh.n_vertex, dtype=source.dtype)):  # nothing is split
-            corner, source = mesh.faces, None
+        if len(source) == mesh.n_vertex and (source[1:] > source[:-1]).all():  # nothing is split
+            vertex, source = corner, None
     albedo = None
     if mesh.colors is not None and mesh.colors.ndim == 2:
         albedo = mesh.colors[slice(None) if source is None else source, :3]
@@ -223,7 +224,7 @@ def smooth_part(mesh: Mesh, workers: Any = None, fans: Fans | None = None) -> Pa
         point = corner.ravel()[first]
         source = point if source is None else source[point]
         normals, albedo, corner = normals[point], colors[first], new_corner.reshape(-1, 3)
-    return Part(mesh.vertices, mesh.faces, corner, normals, albedo, source)
+    return Part(mesh.vertices, vertex, corner, normals, albedo, source)
 
 
 def flat_part(mesh: Mesh) -> Part:
@@ -382,7 +383,7 @@ def gather_inner_sides(meshes: Sequence[Mesh], fans: Sequence[Fans | None]) -> N
         if of_mesh is None:
             sides.append(np.zeros(mesh.n_face, np.int8))
         else:
-            sides.append(find_inner_sides(mesh.vertices, mesh.faces, of_mesh))
+            sides.append(find_inner_sides(mesh.vertices, mesh.faces, of_mesh, mesh.is_welded))
     return np.concatenate(sides)
 
 

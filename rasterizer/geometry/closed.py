@@ -36,7 +36,9 @@ class Bodies(NamedTuple):
     sizes: NDArray[np.float64]  # (n_face,) at roots: what the rounding of the volume is relative to; zero to begin with
 
 
-def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32], fans: Fans) -> NDArray[np.int8]:
+def find_inner_sides(
+    vertices: NDArray[np.float64], faces: NDArray[np.uint32], fans: Fans, is_welded: bool = False
+) -> NDArray[np.int8]:
     """Find which side of each triangle looks into a closed body.
 
     Parameters
@@ -44,6 +46,7 @@ def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32], f
     vertices : (n_vertex, 3) float64
     faces : (n_face, 3) uint32, contiguous
     fans : of these faces, see `list_fans`
+    is_welded : whether it is known that no two vertices stand at one position
 
     Returns
     -------
@@ -57,6 +60,8 @@ def find_inner_sides(vertices: NDArray[np.float64], faces: NDArray[np.uint32], f
             np.zeros(len(vertices), np.bool_),
         )
         find_bodies(vertices, faces, fans, np.empty(2 * fans.valence, np.int64), bodies, sides, is_border)
+        if is_welded:
+            return sides
         border = np.flatnonzero(is_border)
         first, number = unique_rows(vertices[border])
         if len(first) == len(border):

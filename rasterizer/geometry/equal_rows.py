@@ -24,23 +24,21 @@ _HIGH, _SHIFT = np.uint64(32), np.uint64(29)
 
 def find_equal_rows(
     rows: NDArray, workers: Any, out: NDArray[np.uint32] | None = None
-) -> tuple[NDArray, NDArray[np.int64], NDArray[np.uint32]]:
-    """Find equal rows, bit by bit; but -0 is 0.
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Find equal rows, bit by bit.
 
     Parameters
     ----------
-    rows : (n, k) real, contiguous or not, fewer than 2^32 - 1; integers below 2^53
+    rows : (n, k) float32 or float64, contiguous, fewer than 2^32 - 1
     workers : Workers, threads to find them on
     out : (n,), which becomes `inverse`; None = a new array
 
     Returns
     -------
-    unsigned : (n, k) float32 or float64, the rows with 0 for -0
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
-    n_row, values = len(rows), np.empty(rows.shape, np.result_type(rows, np.float32))
-    bits = values.view(np.uint32)
+    n_row, bits = len(rows), rows.view(np.uint32)
     n_part = min(MAX_PARTS, 1 << (n_row // PART).bit_length())
     # A seed that no file's maker knows: rows that share a hash would take the square of their number.
     seed = np.frombuffer(os.urandom(8), np.uint64)[0]
@@ -48,8 +46,6 @@ def find_equal_rows(
 
     def deal(part: tuple[int, int]) -> list[NDArray[np.uint64]]:
         here, ends = slice(*part), np.zeros(n_part + 1, np.uint32)
-        with np.errstate(invalid="ignore"):  # of signalling NaNs
-            np.add(rows[here], 0.0, out=values[here])  # the sum turns -0 into 0
         deal_rows(bits[here], part[0], seed, inverse[here], ends, keys[here])
         return np.split(keys[here], ends[1:-1])
 
@@ -59,8 +55,8 @@ def find_equal_rows(
             match_rows(piece, bits, table, inverse)
 
     workers.map(match, zip(*workers.map(deal, workers.ranges(n_row)), strict=True))
-    first = np.empty(n_row, np.int64)
-    return values, first[: number_rows(inverse, first)], inverse
+    first = keys.view(np.uint32)[:n_row]  # nobody needs the keys any more
+    return first[: number_rows(inverse, first)], inverse
 
 
 @helper
@@ -137,7 +133,7 @@ def match_rows(keys, bits, table, out_first):
 def number_rows(numbers, out_first):
     """Number distinct rows in the order of their first appearance; return how many there are.
 
-    numbers (n,) u32 holds for each row the first one that is equal to it, and takes its number; out_first (n,) i64
+    numbers (n,) u32 holds for each row the first one that is equal to it, and takes its number; out_first (n,) u32
     takes the first row of each number.
     """
     n_distinct = np.uint64(0)

@@ -223,8 +223,15 @@ def split_creases(
             source[here], normals[here] = source[start : start + n], normals[start : start + n]
             n_before[slice(*part)] = n_split
         n_split += n
+
+    def number(part: tuple[int, int]) -> None:
+        """Count the split vertices before those of the faces' own parts, too, a few at a time: that takes no memory."""
+        for start in range(*part, _PART):
+            here = slice(start, min(start + _PART, part[1]))
+            columns[:, here] += n_before.take(faces[here].T)
+
     if len(parts) > 1:
-        workers.map(lambda k: np.add(columns[k], n_before.take(faces[:, k]), out=columns[k]), range(3))
+        workers.map(number, workers.ranges(len(faces)))
     return Split(columns.T, source[:n_split], normals[:n_split])
 
 

@@ -68,16 +68,16 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
     faces, alone = np.empty((n_face, 3), np.uint32), Workers(1)
 
     def join_near(block: tuple[int, int]) -> NDArray:
-        of_block = faces[slice(*block)].reshape(-1)
-        rows, first, _ = find_equal_rows(read(*block).reshape(-1, 3), alone, of_block)
-        return rows[first]
+        rows = _unsigned(read(*block).reshape(-1, 3))
+        first, _ = find_equal_rows(rows, alone, faces[slice(*block)].reshape(-1))
+        return rows.take(first, axis=0)
 
     with Workers(n_core()) as workers:
         distinct = workers.map(join_near, blocks)
         offsets = np.cumsum([0, *map(len, distinct)])
         joined = np.concatenate(distinct)
         del distinct
-        rows, first, numbers = find_equal_rows(joined, workers)
+        first, numbers = find_equal_rows(joined, workers)
 
         def renumber(k: int) -> None:
             of_block = faces[slice(*blocks[k])]
@@ -87,13 +87,13 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
         vertices = np.empty((len(first), 3))
 
         def place(part: tuple[int, int]) -> None:
-            vertices[slice(*part)] = rows[first[slice(*part)]]
+            vertices[slice(*part)] = joined.take(first[slice(*part)], axis=0)
 
         workers.map(place, workers.ranges(len(first)))
     return vertices, faces
 
 
-def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+def unique_rows(rows: NDArray) -> tuple[NDArray[np.integer], NDArray[np.uint32]]:
     """Find equal rows, bit by bit; but -0 is 0.
 
     Parameters
@@ -105,14 +105,19 @@ def unique_rows(rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     first : (n_unique,) row at which each distinct row appears first, ascending
     inverse : (n,) with rows[first][inverse] equal to rows
     """
+    rows = _unsigned(rows)
     if len(rows) < FEW:
-        with np.errstate(invalid="ignore"):  # of signalling NaNs
-            rows = np.ascontiguousarray(rows) + 0.0  # the sum turns -0 into 0
         return _sort_rows(rows.view(f"u{rows.itemsize}"))
     from .equal_rows import find_equal_rows
 
     with Workers(n_core()) as workers:
-        return find_equal_rows(rows, workers)[1:]
+        return find_equal_rows(rows, workers)
+
+
+def _unsigned(rows: NDArray) -> NDArray[np.floating]:
+    """Return rows, contiguous, as float32 or float64 with 0 for -0."""
+    with np.errstate(invalid="ignore"):  # of signalling NaNs
+        return np.add(rows, 0.0, order="C", dtype=np.result_type(rows, np.float32))
 
 
 def _sort_rows(bits: NDArray[np.unsignedinteger]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:

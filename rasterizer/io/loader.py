@@ -33,7 +33,7 @@ from ..scene.mesh_arrays import has_any_area
 from ..scene.scalars import NO_SCALARS, Colormap, ScalarWords
 from ..scene.scene import DepthCue, Scene, SceneLike
 from ..scene.triangulation import listed
-from ..scene.validate import COORDINATE_LIMIT, flag, picture_size
+from ..scene.validate import COORDINATE_LIMIT, flag, picture_size, store
 from . import formats
 from .files import Folder, name_of, opened_source
 from .model_file import (
@@ -445,17 +445,19 @@ def _why_no_faces(contents) -> str:
 def _make_mesh(model, part, settings) -> Mesh:
     """Make the mesh of a part: copied vertices are joined if normals are to be averaged across them, and the file's own
     normals mended."""
-    repeats = formats.FORMATS[model.format].repeats_vertices
-    if repeats and (settings.crease_angle is not None or "normals" not in part):
+    is_welded = settings.crease_angle is not None or "normals" not in part
+    if is_welded and formats.FORMATS[model.format].repeats_vertices:
         part = weld(part)
     words = {}
     for key, value in _without_useless_textures(model, part).items():
         # The reader's own arrays, which nobody else has: the mesh needs no copies.
         words[key] = fixed(value) if isinstance(value, np.ndarray) else value
     try:
-        return Mesh(**words, **settings.arguments())
+        mesh = Mesh(**words, **settings.arguments())
     except ModelError as fault:
         raise model.error(f"{_label(part)}{fault}") from fault
+    store(mesh, is_welded=is_welded)
+    return mesh
 
 
 def _without_useless_textures(model, part: Part) -> Part:

@@ -9,7 +9,7 @@ mesh are shared: nobody can write into them.
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -120,6 +120,7 @@ class Mesh(KeepsArrays):
     weighting: Weighting = "angle"
     name: str = ""
     drop_bad_faces: bool = False
+    is_welded: ClassVar[bool] = False  # True of a mesh that is known to have no two vertices at one position
 
     if TYPE_CHECKING:  # more may be given than is stored
 
