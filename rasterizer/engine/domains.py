@@ -51,6 +51,7 @@ from ..pipeline.setup import DEPTH_PLANE_ROUNDING
 from ..pipeline.shade import DEPTH_ERROR
 from ..pipeline.textures import lookup_error
 from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen
+from ..scene.arrays import distinct
 from ..scene.camera import View
 from . import lights as light_table
 from . import reflections as reflection_table
@@ -147,7 +148,7 @@ def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_l
     for i, (light, of_type) in enumerate(zip(tables.lights, tables.light_types, strict=True)):
         limits = of_type.limits(light)
         lights[i] = max(light.color), limits.slope, limits.steepness
-        for clearance in np.unique(clearances[:, i]).tolist():
+        for clearance in distinct(clearances[:, i]).tolist():
             strengths[clearances[:, i] == clearance, i] = of_type.strength(light, 0.5 * clearance)
     color, bend, steep = lights.T
 

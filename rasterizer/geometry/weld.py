@@ -125,6 +125,8 @@ def _sort_rows(bits: NDArray[np.unsignedinteger]) -> tuple[NDArray[np.int64], ND
     order = np.lexsort(bits.T)  # equal rows side by side, the first of them first
     is_new = np.ones(len(order), np.bool_)
     is_new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
+    if is_new.all():  # as most are, of files of many small meshes
+        return np.arange(len(order)), np.arange(len(order), dtype=np.uint32)
     first = np.sort(order[is_new])
     numbers = np.searchsorted(first, order[is_new])
     inverse = np.empty(len(order), np.uint32)

@@ -479,7 +479,7 @@ def _known(table, key, legal):
 def item(tree, key, number) -> dict:
     """Return an item of one of the tree's lists; a LookupError that names it where it is none."""
     items = tree.get(key, [])
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(items):
+    if type(number) is not int or not 0 <= number < len(items):
         raise Fault(f"{key} has no number {str(number)[:40]}")
     if not isinstance(items[number], dict):
         raise Fault(f"{key} {number} is no table")
@@ -498,9 +498,9 @@ def _is_there(model, tree, key, number, noun) -> bool:
 def whole(table, key, default=None) -> int:
     """Return a whole number of at least 0 out of a table; TypeError where it is none, KeyError where it is missing."""
     number = table[key] if default is None else table.get(key, default)
-    if isinstance(number, float) and number.is_integer():  # 12.0 is a whole number of JSON, too
+    if type(number) is float and number.is_integer():  # 12.0 is a whole number of JSON, too
         number = int(number)
-    if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+    if type(number) is not int or number < 0:
         raise Fault(f"{key} must be a whole number of at least 0, not {str(number)[:40]}")
     return number
 

@@ -213,10 +213,10 @@ class Cloud:
 
     def __init__(self, sets: list[NDArray[Any]], axes: Array, origin: Array | None = None) -> None:
         self._axes, self._origin = axes, sets[0][0].astype(np.float64) if origin is None else origin
-        self._chunks = [points[i : i + _CHUNK] for points in sets for i in range(0, len(points), _CHUNK)]
         # Few points are turned into columns once, and are soon looked through: no thread is woken for them.
         is_few = sum(map(len, sets)) <= _FEW
-        self._columns = [self._columns_of(points) for points in self._chunks] if is_few else []
+        self._chunks = [points[i : i + _CHUNK] for points in sets for i in range(0, len(points), _CHUNK)]
+        self._columns = [self._columns_of(np.concatenate(sets))] if is_few else []
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
         if not np.isfinite(self.extremes).all():
             raise SceneError("the points to be framed must be finite; some are not")
