@@ -21,6 +21,7 @@ from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdo
 from io import StringIO
 
 from .errors import RasterizerError
+from .memory import keep_what_is_freed
 
 _GLANCE = 0.2  # seconds between looks at who has started a process
 # A thread a process for numpy's libraries. And a process that keeps a model is no leak, for which loky would end it.
@@ -156,6 +157,7 @@ def _interrupts_held() -> Iterator[None]:
 
 def _begin(parent: int, is_silent: bool) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_what_is_freed()
     if is_silent:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     os.dup2(2, 1)

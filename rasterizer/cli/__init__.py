@@ -19,7 +19,6 @@ before `main` does, so that an interrupt at any time ends in one line, too.
 import os
 import sys
 
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h
 DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
 TERMINATED = 128 + 15  # by SIGTERM
 
@@ -54,10 +53,12 @@ def _run_as_program() -> int:
     import gc
     import signal
 
+    from ..memory import keep_what_is_freed
+
     is_importing = True
     gc.disable()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _keep_what_is_freed()
+    keep_what_is_freed()
 
     def is_imported():
         nonlocal is_importing
@@ -86,20 +87,6 @@ def _interrupted() -> int:
     if sys.stderr is not None:
         print("raster: error: interrupted", file=sys.stderr, flush=True)
     return INTERRUPTED
-
-
-def _keep_what_is_freed() -> None:
-    """Let the C library hand out again what was freed, on any thread: of a model of millions of triangles, clearing new
-    pages takes the system a third of all time. Arrays of more than 32 MB go back at once all the same.
-
-    Source: mallopt(3); other libraries than glibc have no such call.
-    """
-    import ctypes
-
-    set_option = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if set_option is not None:
-        for option, value in ((_M_MMAP_THRESHOLD, 2**25), (_M_TRIM_THRESHOLD, 2**30), (_M_ARENA_MAX, 1)):
-            set_option(option, value)
 
 
 def _guarded(argv, is_imported) -> int:
