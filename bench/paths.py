@@ -64,7 +64,11 @@ PATHS = (
     Variant("pixels covered as a whole", (
         ("pipeline/resolve.py", "if n_opaque == np.int64(n_here * factor * factor):", "if n_opaque < 0:"),
     )),
-    Variant("one sample a pixel", (("pipeline/resolve.py", "if factor_of(grid) == 1:", "if False:"),)),
+    Variant("one sample a pixel", (
+        ("pipeline/resolve.py",
+         "if grid is None:\n        return average_single",
+         "if False:\n        return average_single"),
+    )),
     Variant("grey encoding", (
         ("engine/uniforms.py", "bool(np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)", "False"),
     )),

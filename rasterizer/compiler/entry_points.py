@@ -22,7 +22,7 @@ from . import layouts
 from .layouts import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 from .machine_code import ENTRY
 
-_LONG, _INT, _BYTE, _REAL = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.DoubleType()
+_LONG, _INT, _BYTE, _BIT, _REAL = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1), ir.DoubleType()
 _OBJECT = _BYTE.as_pointer()
 _FUNCTIONS = {
     "PyLong_AsLongLong": (_LONG, [_OBJECT]),
@@ -183,26 +183,14 @@ class _Reader:
 
     def _read_array(self, thing, numba_type):
         builder, one = self._builder, ir.Constant(_LONG, 1)
-        self._expect_class(thing, self._entry(NDARRAY))
-        dtype = self._load(thing, layouts.DTYPE, _OBJECT)
-        number = builder.sext(self._load(dtype, layouts.NUMBER, _INT), _LONG)
-        order, flags = self._load(dtype, layouts.BYTE_ORDER, _BYTE), self._load(thing, layouts.FLAGS, _INT)
-        n_axis = self._load(thing, layouts.N_AXIS, _INT)
-        orders = [builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(sign))) for sign in layouts.NATIVE_ORDERS]
-        is_native = reduce(builder.or_, orders)
         wanted = {
             "C": layouts.IS_ALIGNED | layouts.IS_C,
             "F": layouts.IS_ALIGNED | layouts.IS_F,
             "A": layouts.IS_ALIGNED,
         }[numba_type.layout]
         looked_at = layouts.IS_ALIGNED | layouts.IS_C | (0 if numba_type.layout == "C" else layouts.IS_F)
-        layout = builder.and_(flags, ir.Constant(_INT, looked_at))
-        tests = [
-            builder.icmp_signed("==", number, self._next_entry()),
-            builder.icmp_signed("==", n_axis, ir.Constant(_INT, numba_type.ndim)),
-            builder.icmp_signed("==", layout, ir.Constant(_INT, wanted)),
-        ]
-        self._expect(builder.and_(builder.and_(is_native, tests[0]), builder.and_(tests[1], tests[2])))
+        kind = [ir.Constant(_INT, number) for number in (numba_type.ndim, looked_at, wanted)]
+        self._expect(builder.call(self._is_array(), [thing, self._entry(NDARRAY), self._next_entry(), *kind]))
         shape, strides = (self._load(thing, offset, _LONG.as_pointer()) for offset in (layouts.SHAPE, layouts.STRIDES))
         axes = [ir.Constant(_LONG, k) for k in range(numba_type.ndim)]
         lengths = [builder.load(builder.gep(shape, [axis])) for axis in axes]
@@ -218,6 +206,33 @@ class _Reader:
         array.itemsize = ir.Constant(_LONG, self._context.get_abi_sizeof(self._context.get_data_type(numba_type.dtype)))
         array.meminfo, array.parent = (cgutils.get_null_value(field.type) for field in (array.meminfo, array.parent))
         return array._getvalue()
+
+    def _is_array(self):
+        """Return a function that tells whether an object is an array of a dtype, a number of axes and a layout. Kernels
+        have dozens of arrays: instructions of its own for each would be a tenth of all that is optimised."""
+        module, name = self._builder.module, "is_array"
+        if name in module.globals:
+            return module.globals[name]
+        function = ir.Function(module, ir.FunctionType(_BIT, [_OBJECT, _LONG, _LONG, _INT, _INT, _INT]), name)
+        function.attributes.add("noinline")
+        thing, array_class, number, n_axis, looked_at, wanted = function.args
+        outside, self._builder = self._builder, ir.IRBuilder(function.append_basic_block("entry"))
+        builder = self._builder
+        with builder.if_then(builder.icmp_signed("!=", self._load(thing, layouts.CLASS, _LONG), array_class)):
+            builder.ret(ir.Constant(_BIT, 0))
+        dtype = self._load(thing, layouts.DTYPE, _OBJECT)
+        order = self._load(dtype, layouts.BYTE_ORDER, _BYTE)
+        orders = [builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(sign))) for sign in layouts.NATIVE_ORDERS]
+        layout = builder.and_(self._load(thing, layouts.FLAGS, _INT), looked_at)
+        tests = [
+            reduce(builder.or_, orders),
+            builder.icmp_signed("==", builder.sext(self._load(dtype, layouts.NUMBER, _INT), _LONG), number),
+            builder.icmp_signed("==", self._load(thing, layouts.N_AXIS, _INT), n_axis),
+            builder.icmp_signed("==", layout, wanted),
+        ]
+        builder.ret(reduce(builder.and_, tests))
+        self._builder = outside
+        return function
 
     def wrap(self, value, numba_type):
         """Make a Python object of a result."""

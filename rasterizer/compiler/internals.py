@@ -18,6 +18,9 @@ are those that setup.cfg admits; tests/compiler/test_internals.py tries each one
       core.rewrites.rewrite_registry, core.ssa,          takes out again aren't written
       core.ir_utils.build_definitions, core.cgutils,
       untyped_passes.GenericRewrites, ReconstructSSA,
+      TranslateByteCode, DeadBranchPrune,
+      core.interpreter.Interpreter.post_process,
+      core.analysis.dead_branch_prune,
       typed_passes.NativeLowering, PreLowerStripPhis,
       cpython.builtins.do_minmax, state.typingctx
     core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once

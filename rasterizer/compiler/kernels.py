@@ -284,7 +284,8 @@ class Helper:
     def __init__(self, function: Callable, compile: Callable, is_one: bool = False):
         functools.update_wrapper(self, function)
         self.py_func, self._compile, self._is_one = function, compile, is_one
-        self._compiled = {}  # one for callers that count references to arrays, one for others; or one for both
+        # What was compiled and its type: for callers that count references to arrays, and for others; or one for both.
+        self._compiled = {}
 
     def __call__(self, *arguments):
         """Run the plain function."""
@@ -295,8 +296,9 @@ class Helper:
         """What numba takes this for in a kernel."""
         is_counting = self._is_one or _internals().is_counting()
         if is_counting not in self._compiled:
-            self._compiled[is_counting] = self._compile()  # kept: its type doesn't hold it
-        return _internals().type_of(self._compiled[is_counting])
+            compiled = self._compile()  # kept: its type doesn't hold it
+            self._compiled[is_counting] = compiled, _internals().type_of(compiled)
+        return self._compiled[is_counting][1]
 
 
 def helper(function: Callable) -> Callable:

@@ -4,6 +4,7 @@ Two thirds of the time that a kernel takes to compile pass before the optimiser 
 every function, and in writing, printing and reading instructions that the optimiser takes out again.
 
 * `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
+* `ShortBranches` leaves out what stands where an argument is None, if it isn't. Numba leaves out the other side alone.
 * A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
   it field by field, each array in it as seven numbers: a helper of one line that gets two structures would begin with a
   hundred instructions that put them together, and each call of it with as many that take them apart.
@@ -20,6 +21,7 @@ The names of numba that are used here are listed in internals.py.
 
 import collections
 import operator
+from typing import NamedTuple
 
 import llvmlite.ir
 import numba.extending
@@ -28,6 +30,7 @@ from numba.core import (
     analysis,
     cgutils,
     compiler_machinery,
+    interpreter,
     ir,
     ir_utils,
     lowering,
@@ -57,9 +60,11 @@ class ShortPassManager(compiler_machinery.PassManager):
         super().__init__(pipeline.pipeline_name)
         steps = [step for step in pipeline.passes if step[0].__name__ not in NOT_NEEDED]
         passes = [step[0] for step in steps]
+        steps[passes.index(untyped_passes.TranslateByteCode)] = (ShortTranslation, "read bytecode")
         steps[passes.index(typed_passes.NativeLowering)] = (ShortLowering, "write instructions")
         steps[passes.index(typed_passes.PreLowerStripPhis)] = (ShortPhis, "give variables their values")
         steps[passes.index(untyped_passes.ReconstructSSA)] = (ShortAssignments, "name variables anew")
+        steps[passes.index(untyped_passes.DeadBranchPrune)] = (ShortBranches, "leave out what can't be reached")
         steps[passes.index(untyped_passes.GenericRewrites)] = (ShortRewrites, "find constants")
         steps.insert(passes.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
         self.passes = steps
@@ -71,6 +76,51 @@ class ShortPassManager(compiler_machinery.PassManager):
         pss.run_initialization(internal_state)
         pss.run_pass(internal_state)
         pss.run_finalizer(internal_state)
+
+
+# Rewrites of bytecode that stands for `with`, and for dictionaries: each looks at every variable of every statement.
+NOT_NEEDED_REWRITES = frozenset(("peep_hole_delete_with_exit", "peep_hole_fuse_dict_add_updates"))
+
+
+class _ShortInterpreter(interpreter.Interpreter):
+    """What reads bytecode."""
+
+    def post_process(self, peepholes, func_ir):
+        """Rewrite what was read as far as kernels need it."""
+        needed = [each for each in peepholes if each.__name__ not in NOT_NEEDED_REWRITES]
+        return super().post_process(needed, func_ir)
+
+
+@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+class ShortTranslation(untyped_passes.TranslateByteCode):
+    """The pass that reads bytecode."""
+
+    _name = "rasterizer_short_translation"
+
+    def run_pass(self, state):
+        """Read it; tell whether anything may be changed."""
+        state["func_ir"] = _ShortInterpreter(state["func_id"]).interpret(state["bc"])
+        return True
+
+
+class _Thing(NamedTuple):
+    """The type of an argument that isn't None, as numba has the types of literals."""
+
+    literal_type: types.Type
+
+
+@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+class ShortBranches(untyped_passes.DeadBranchPrune):
+    """The pass that leaves out branches for arguments that are None, or aren't."""
+
+    _name = "rasterizer_short_branches"
+
+    def run_pass(self, state):
+        """Leave them out; tell whether anything may be changed."""
+        is_open = types.NoneType, types.Omitted, types.Optional
+        known = [each if isinstance(each, is_open) else _Thing(each) for each in state.args]
+        analysis.dead_branch_prune(state.func_ir, known)
+        return True
 
 
 # Each of these ends with when variables end, in numba.
@@ -378,6 +428,8 @@ class ShortTyping:
 
     _of_operators = {}  # (operator, types) -> signature; kept for good, as numba keeps what it has of each operator
 
+    _of_constants = {}  # (class, constant) -> type
+
     def __init__(self, context):
         self._context = context
         self._of_function = {}  # (called, types) -> signature; (type, name of an attribute) -> type
@@ -400,6 +452,15 @@ class ShortTyping:
             known[call] = self._context.resolve_function_type(function, arguments, named)
         return known[call]
 
+    def resolve_value_type(self, value):
+        """Return the type of a constant."""
+        if type(value) not in _CONSTANTS:
+            return self._context.resolve_value_type(value)
+        constant = type(value), value
+        if constant not in self._of_constants:
+            self._of_constants[constant] = self._context.resolve_value_type(value)
+        return self._of_constants[constant]
+
     def resolve_getattr(self, numba_type, name):
         """Return the type of an attribute."""
         if (numba_type, name) not in self._of_function:
@@ -407,6 +468,7 @@ class ShortTyping:
         return self._of_function[numba_type, name]
 
 
+_CONSTANTS = frozenset((int, float, bool, type(operator.add)))  # classes; of operators the type is looked for longest
 _OPERATORS = frozenset(thing for thing in vars(operator).values() if isinstance(thing, type(operator.add)))
 
 # ---------------------------------------------------------------- least and greatest numbers

@@ -123,7 +123,7 @@ class ColorPass(Pass):
     screen: Screen
     encoding: Encoding
     picture: Picture  # written
-    grid: SampleGrid = field(init=False)  # the samples of a pixel
+    grid: SampleGrid | None = field(init=False)  # the samples of a pixel
     min_channels: int = field(init=False)  # that any band needs
     has_plain: bool = field(init=False)  # some material has no texture
 

@@ -160,15 +160,18 @@ def make_coding(plan: Plan) -> Coding:
     rows = of_materials.paths, of_materials.features, reads_double, of_materials.n_attributes
     intensity_scale = 0.0 if plan.is_lit_per_sample else float(plan.intensity_scale)
     if of_materials.is_double.all():
-        return Coding(*rows, np.zeros(len(reads_double)), intensity_scale, 0.0, False, None, NO_DEPTHS, is_exact=True)
+        limits = np.zeros(len(reads_double))
+        return Coding(*rows, limits, intensity_scale, None, False, None, NO_DEPTHS, is_exact=True)
     left = tolerance * (1.0 - np.where(of_materials.is_double, 1.0, of_materials.shares))
     if plan.is_lit_per_sample:
         has_albedo = (of_materials.features & HAS_ALBEDO) != 0
         limits, of_textures = of_materials.normal_limits, left - np.where(has_albedo, tolerance / 2, tolerance / 4)
-        rest = float(tolerance / 4 / max(plan.bound, 1e-30)), plan.needs_position or has_cue
+        is_longer = (of_materials.n_attributes > 3).any()
+        behind_normals = float(tolerance / 4 / max(plan.bound, 1e-30)) if is_longer else None
+        rest = behind_normals, plan.needs_position or has_cue
     else:
         limits, of_textures = np.where(plan.tables.has_texture, left / 4, left), left * 3 / 4
-        rest = 0.0, has_cue
+        rest = None, has_cue
     textures = None if plan.textures is None else code_textures(plan, of_textures)
     return Coding(*rows, limits, intensity_scale, *rest, textures, NO_DEPTHS, is_exact=False)
 

@@ -48,7 +48,7 @@ MAX_CHANNELS = 3
 
 
 class Coding(NamedTuple):
-    """How this frame's attributes reach the samples. Whether `textures` is None decides what is compiled."""
+    """How this frame's attributes reach the samples. Which of these are None decides what is compiled."""
 
     paths: np.ndarray  # (n_material,) uint8: EXACT, IN_PACKED or IN_PLANES
     features: np.ndarray  # (n_material,) uint8: the bits above
@@ -56,7 +56,7 @@ class Coding(NamedTuple):
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
     intensity_scale: float  # intensity steps a unit; 0 where attributes are normals, and what stands behind them
-    albedo_tolerance: float  # error that is accepted in an attribute behind the normals
+    albedo_tolerance: float | None  # error that is accepted in an attribute behind the normals; None: there is none
     needs_distance: bool  # samples have positions, which are found from their packed samples
     textures: TextureCoding | None  # None where no texture coordinates stand in planes
     depths: DepthScale
@@ -232,13 +232,20 @@ def compute_normals(n_attribute, coding, block):
         ints[s.HAS_INTENSITY + k] = ints[s.IS_WEIGHTED + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.PATH + k] == IN_PLANES
     compute_normal_planes(coding, block)
-    if n_attribute > 3:
-        for k in range(s.BLOCK):
-            block.reals[s.LIMIT + k] = coding.albedo_tolerance
-        compute_value_planes(3, 0, coding.depths, block)
+    compute_albedo(n_attribute, coding.albedo_tolerance, coding.depths, block)
     compute_texcoords(n_attribute, coding.textures, coding.depths, block)
     if coding.needs_distance:
         check_distances(coding, block)
+
+
+@helper
+def compute_albedo(n_attribute, tolerance, depths, block):
+    """Compute the planes of the albedo, if any stands behind normals."""
+    if tolerance is not None:
+        if n_attribute > 3:
+            for k in range(s.BLOCK):
+                block.reals[s.LIMIT + k] = tolerance
+            compute_value_planes(3, 0, depths, block)
 
 
 @helper

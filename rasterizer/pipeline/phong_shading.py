@@ -189,10 +189,7 @@ def evaluate_fragments(packed, band, first, material, texturing, is_perspective,
         evaluate_with_slopes(packed, group, first, batch, f.NORMAL, texturing.batch, S_PLANE)
     else:
         evaluate_planes(packed, group, first, batch, f.NORMAL)
-    if features & HAS_ALBEDO:
-        fill_weights(packed, depths, batch)
-        group = plane_group(band.setups, BEHIND_NORMALS + (PLAIN_GROUP if features & HAS_TEXTURE else 0))
-        evaluate_values(packed, group, first, batch, f.ALBEDO, f.WEIGHT)
+    evaluate_albedo(packed, band, first, features, band.coding.albedo_tolerance, batch)
     if band.coding.needs_distance:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
         for k in range(len(packed)):
@@ -200,6 +197,16 @@ def evaluate_fragments(packed, band, first, material, texturing, is_perspective,
             inverse = np.float32(1) / np.float32(offset + step * z)
             along = np.float32(depths.depth_offset + depths.depth_scale * z)
             batch[f.DISTANCE + k] = inverse if is_perspective else along
+
+
+@helper
+def evaluate_albedo(packed, band, first, features, tolerance, batch):
+    """Fill the albedo of what has one; `tolerance` is None where no material has."""
+    if tolerance is not None:
+        if features & HAS_ALBEDO:
+            fill_weights(packed, band.coding.depths, batch)
+            group = plane_group(band.setups, BEHIND_NORMALS + (PLAIN_GROUP if features & HAS_TEXTURE else 0))
+            evaluate_values(packed, group, first, batch, f.ALBEDO, f.WEIGHT)
 
 
 @helper

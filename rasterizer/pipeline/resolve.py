@@ -50,7 +50,7 @@ PIECE = 64  # pixels that are averaged together: those that are covered as a who
 
 # As a type: each number of them has kernels of its own. Loops over the samples of a pixel are unrolled, and those over
 # pixels become vector instructions, where the number is known when they are compiled. A picture has one number of
-# samples: so one such loop is compiled, not one for each.
+# samples: so one such loop is compiled, not one for each. Of one sample a pixel, whose grid is None, nothing is summed.
 
 MAX_FACTOR = 4  # samples a pixel along an axis
 
@@ -61,14 +61,16 @@ class SampleGrid(NamedTuple):
     axis: tuple  # zeros
 
 
-def make_grid(factor) -> SampleGrid:
-    """Return the samples of a pixel, `factor` along each axis."""
-    return SampleGrid((0,) * factor)
+def make_grid(factor) -> SampleGrid | None:
+    """Return the samples of a pixel, `factor` along each axis; None for one sample."""
+    return None if factor == 1 else SampleGrid((0,) * factor)
 
 
 @helper
 def factor_of(grid):
     """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
+    if grid is None:
+        return 1
     return len(grid.axis)
 
 
@@ -98,7 +100,7 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
     radiance : (n_channel, n_row * pitch) float32 or float64, linear
     translucent : Translucent, the samples that nothing opaque is behind (a_buffer.py), or None where there are none
     rows : (first, end) of the pixels; the band's rows are as many times that as a pixel has samples along an axis
-    grid : SampleGrid
+    grid : SampleGrid, or None
     encoding : Encoding
     batch : PixelBatch, scratch
     out : Picture
@@ -111,11 +113,8 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
         while left < end:
             is_weighted = weighted <= left < weighted_end
             stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
-            n, is_blank, here = np.int64(min(stretch_end - left, BATCH_SIZE)), False, (row, left)
-            if factor == 1 and not is_weighted:
-                start = row * visibility.pitch + left
-                n, is_blank = next_stretch(visibility.packed[start : start + n])
-                n = n if is_blank else min(filled_up(n), stretch_end - left)
+            here = row, left
+            n, is_blank = measure_stretch(visibility, here, stretch_end - left, is_weighted, grid)
             if is_blank:
                 fill_blank(out, j, left, left + n, encoding)
             else:
@@ -124,6 +123,19 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
             left += n
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
+
+
+@helper
+def measure_stretch(visibility, first, n, is_weighted, grid):
+    """Return how many of n pixels come next, a batch at most, and whether nothing is drawn in them; of several samples
+    a pixel that isn't asked. `first` is the band's row of samples and the column of pixels where they begin."""
+    n = np.int64(min(n, BATCH_SIZE))
+    if grid is None:
+        if not is_weighted:
+            start = first[0] * visibility.pitch + first[1]
+            n_here, is_blank = next_stretch(visibility.packed[start : start + n])
+            return n_here if is_blank else min(filled_up(n_here), n), is_blank
+    return n, False
 
 
 @helper
@@ -233,9 +245,9 @@ def average_samples(visibility, radiance, translucent, first, grid, n, batch):
     ----------
     translucent : Translucent; None where nothing transparent is seen
     first : the band's row of samples and the column of pixels where the batch begins
-    grid : SampleGrid
+    grid : SampleGrid, or None
     """
-    if factor_of(grid) == 1:
+    if grid is None:
         return average_single(visibility, radiance, translucent, first, n, batch)
     return average_several(visibility, radiance, translucent, first, grid, n, batch)
 

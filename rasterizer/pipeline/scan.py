@@ -109,22 +109,22 @@ def scan(band, drawables, coding, block, visibility, setups, deferred) -> ScanCo
 @kernel
 def scan_intensities(band, drawables, coding, block, visibility, setups, deferred):
     """Draw a band's triangles, whose attributes are intensities; see `scan`. Return the fields of ScanCounts."""
-    return scan_blocks(
-        band, drawables, coding, block, (visibility, setups), deferred, compute_intensities, write_values
-    )
+    out = visibility, setups, deferred
+    return scan_blocks(band, drawables, coding, block, out, compute_intensities, write_values, fill_intensities)
 
 
 @kernel
 def scan_normals(band, drawables, coding, block, visibility, setups, deferred):
     """Draw a band's triangles, whose attributes are normals; see `scan`. Return the fields of ScanCounts."""
-    return scan_blocks(band, drawables, coding, block, (visibility, setups), deferred, compute_normals, write_normals)
+    out = visibility, setups, deferred
+    return scan_blocks(band, drawables, coding, block, out, compute_normals, write_normals, fill)
 
 
 @helper
-def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients, write_setup):
-    """Draw a band's triangles as `scan` does into `out`, visibility and setups, with the functions for what their
-    attributes are: one computes their planes, the other one writes these into a setup."""
-    faces, (visibility, setups) = band.faces, out
+def scan_blocks(band, drawables, coding, block, out, compute_gradients, write_setup, fill_samples):
+    """Draw a band's triangles as `scan` does into `out`, visibility, setups and deferred ones, with the functions for
+    what their attributes are: one computes their planes, one writes these into a setup, one fills the samples."""
+    faces, (visibility, setups, deferred) = band.faces, out
     n_setup = n_level = n_plane = n_exact = features = 0
     material = 0 if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
     for first in range(0, len(faces), s.BLOCK):
@@ -171,10 +171,8 @@ def scan_blocks(band, drawables, coding, block, out, deferred, compute_gradients
                 note_material(visibility, box.left, box.right, first_row, end_row, here)
             if threshold > 0.0:
                 fill_cut_out(visibility, band.y_start, box, k, payload, drawables.cut_outs, block)
-            elif block.ints[s.HAS_INTENSITY + k] != 0 and block.ints[s.PIECE + k] != 0:
-                fill_pieces(visibility, band.y_start, box, k, block)
             else:
-                fill(visibility, band.y_start, box, k, payload, block)
+                fill_samples(visibility, band.y_start, box, k, payload, block)
     return n_level, n_plane, n_exact, features, material
 
 
@@ -371,10 +369,21 @@ def fill(visibility, y_start, box, k, payload, block):
 
 
 @helper
+def fill_intensities(visibility, y_start, box, k, payload, block):
+    """Fill the samples of triangle k of the block, piece by piece where it has pieces."""
+    if block.ints[s.HAS_INTENSITY + k] != 0 and block.ints[s.PIECE + k] != 0:
+        fill_pieces(visibility, y_start, box, k, block)
+    else:
+        fill(visibility, y_start, box, k, payload, block)
+
+
+@helper
 def fill_cut_out(visibility, y_start, box, k, payload, cut_outs, block):
-    """Fill the samples of triangle k of the block that are there, span by span."""
-    surface = surface_of(k, payload, block)
-    fill_spans(visibility, y_start, box, surface, None, cut_out_of(k, surface.triangle, cut_outs, block))
+    """Fill the samples of triangle k of the block that are there, span by span; without cut-outs there is nothing to
+    do."""
+    if cut_outs is not None:
+        surface = surface_of(k, payload, block)
+        fill_spans(visibility, y_start, box, surface, None, cut_out_of(k, surface.triangle, cut_outs, block))
 
 
 # ---------------------------------------------------------------- small boxes

@@ -145,9 +145,16 @@ def write_normals(setups, n_setup, k, face, coding, block):
         write_texcoords(planes, setup + end, k, coding.textures, block)
         end += PLAIN_GROUP
     if features & HAS_ALBEDO:
-        write_value_group(planes, setup + end, k, 3, MAX_CHANNELS, block)
+        write_albedo(planes, setup + end, k, coding.albedo_tolerance, block)
         end += VALUE_GROUP
     return units_of(end)
+
+
+@helper
+def write_albedo(planes, target, k, tolerance, block):
+    """Write the planes of the albedo; `tolerance` is None where none stands behind normals."""
+    if tolerance is not None:
+        write_value_group(planes, target, k, 3, MAX_CHANNELS, block)
 
 
 @helper

@@ -52,6 +52,24 @@ def extremes(a, b, c, k):
     return min(a, b), max(a, b, c), min(b, a, k), max(a, b, c, k), min((a, b, c)), max(k, 3)
 
 
+@kernels.helper
+def first_or_least(values, least):
+    """What no array has stands where it can't be reached."""
+    if least is None:
+        return values.nothing_of_this_name
+    return max(values[0], least)
+
+
+def with_what_is_given(values, least):
+    """The first number, or the least."""
+    return first_or_least(values, least)
+
+
+def test_what_stands_for_none_is_not_compiled_where_something_is_given():
+    given = np.array([1.5, 2.5]), 2.0
+    assert EntryPoint(with_what_is_given, given)(*given) == 2.0
+
+
 def test_structures_items_and_variables_are_those_of_python():
     outcomes = []
     for call in (
