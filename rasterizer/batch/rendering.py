@@ -282,11 +282,12 @@ class Batch:
         if self._existing != "replace" and self._is_done(outputs.values(), path, task):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
                 return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs), seed=task.seed)
+        read = (*(() if path is None else (path,)), *task.files_named)
+        refuse_inputs(outputs, {identity_of(each): each for each in read})
         if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
             task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
         if path is None:
             return Item(index, task, options, None, self._share(task.source, task.loading))
-        refuse_inputs(outputs, {identity_of(path): path})
         return Item(index, task, options, path if self._pool.is_here else os.path.abspath(path), None)
 
     def _is_done(self, outputs: Iterable[str], path: str | None, task: RenderTask) -> bool:

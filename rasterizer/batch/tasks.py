@@ -221,9 +221,10 @@ class RenderTask:
     def files_named(self) -> tuple[str, ...]:
         """The files beside its model that its picture is made of: textures and a camera."""
         material = self.appearance.get("material")
-        textures = [material.get(name) for name in TEXTURES] if isinstance(material, Mapping) else []
-        named = [os.fspath(each) for each in (*textures, self.camera) if isinstance(each, (str, os.PathLike))]
-        return tuple(each for each in named if each not in ("file", "frame"))
+        named = [material.get(name) for name in TEXTURES] if isinstance(material, Mapping) else []
+        if self.camera not in ("file", "frame"):
+            named.append(self.camera)
+        return tuple(os.fspath(each) for each in named if isinstance(each, (str, os.PathLike)))
 
     @property
     def view_words(self) -> dict[str, Any]:

@@ -173,6 +173,7 @@ def test_what_is_there_or_newer_than_its_model_is_skipped(folder):
 
 def test_a_picture_is_made_anew_where_a_file_that_its_task_names_is_newer(folder):
     Image.new("RGB", (2, 2), "red").save("a.png")
+    Image.new("RGB", (2, 2), "red").save("file", "png")  # what a camera that is no file is called
     Path("own.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
     Path("a.json").write_text('{"eye": [3, 2, 5], "target": [0, 0, 0]}')
     tasks = [
@@ -180,7 +181,7 @@ def test_a_picture_is_made_anew_where_a_file_that_its_task_names_is_newer(folder
         rz.RenderTask(
             "own.obj",
             "metal.png",
-            options={"material": {"metallic_roughness": "a.png", "reflection": "cook-torrance"}, "size": 8},
+            options={"material": {"metallic_roughness": "file", "reflection": "cook-torrance"}, "size": 8},
         ),
         rz.RenderTask(GEAR, "camera.png", camera="a.json", options={"size": 8}),
         rz.RenderTask(GEAR, "framed.png", camera="frame", options={"size": 8}),
@@ -191,14 +192,17 @@ def test_a_picture_is_made_anew_where_a_file_that_its_task_names_is_newer(folder
             return [record.status for record in draw(tasks, executor, existing="changed")]
 
     assert statuses() == ["drawn"] * 4 and statuses() == ["skipped"] * 4
-    for name, n_before, n_newer in (("a.png", 0, 2), ("a.json", 2, 1)):
+    for name, n_before, n_newer in (("a.png", 0, 1), ("file", 1, 1), ("a.json", 2, 1)):
         later = time.time() + 10
         os.utime(name, (later, later))
         assert statuses() == ["skipped"] * n_before + ["drawn"] * n_newer + ["skipped"] * (4 - n_before - n_newer), name
         os.utime(name, (0, 0))
 
 
-def test_no_file_is_written_twice_nor_over_a_model(folder):
+def test_no_file_is_written_twice_nor_over_what_is_read(folder):
+    Image.new("RGB", (2, 2), "red").save("a.png")
+    pixels, of_uv = Path("a.png").read_bytes(), np.eye(3)[:, :2]
+    textured = SMALL | {"material": {"texture": "a.png"}}
     (folder / "own.obj").write_bytes(open(CUBE, "rb").read())
     (folder / "own.png").write_bytes(open(CUBE, "rb").read())
     tasks = [
@@ -206,12 +210,15 @@ def test_no_file_is_written_twice_nor_over_a_model(folder):
         rz.RenderTask(CONE, "./same.png", options=SMALL),
         rz.RenderTask("own.png", "./own.png", load={"format": "obj"}, options=SMALL),
         rz.RenderTask("own.obj", "own.obj/below.png", options=SMALL),
+        rz.RenderTask(rz.Mesh(np.eye(3), [[0, 1, 2]], uv=of_uv), "./a.png", options=textured),
     ]
     with ThreadPoolExecutor(1) as executor:
         records = draw(tasks, executor)
     assert "task 0 of the batch writes it, too" in str(records[1].error)
     assert "can't write ./own.png: it is own.png, which is read" in str(records[2].error)
     assert "can't write own.obj/below.png" in str(records[3].error)
+    assert "can't write ./a.png: it is a.png, which is read" in str(records[4].error)
+    assert Path("a.png").read_bytes() == pixels
     assert [name for name in ("own.obj", "own.png") if (folder / name).read_bytes() != open(CUBE, "rb").read()] == []
     assert not hidden_files()
 
