@@ -24,11 +24,16 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from ..errors import RasterizerError
 from ..locks import LOCK, cached_property
 from . import fingerprint
 from .layouts import COMMON
 from .machine_code import LoadedCode
 from .store import Store, is_own, title_of
+
+# Threads share out work through iterators, and entry points read objects without locks.
+if not getattr(sys, "_is_gil_enabled", lambda: True)():
+    raise RasterizerError("Python's global interpreter lock is off: set PYTHON_GIL=1 in the environment to draw")
 
 Job = tuple[Callable, tuple]  # a kernel that is compiled: its plain function, and a signature
 

@@ -234,7 +234,7 @@ def _path_in(folder, function, signature, processor) -> tuple[Path, bytes]:
 
 def own_name() -> str:
     """Return the name of the folder with what is compiled by this process's versions."""
-    return f"{PREFIX}{fingerprint.hash_sources(fingerprint.describe_compiler())}"
+    return f"{PREFIX}{fingerprint.hash_sources(fingerprint.describe_compiler() + fingerprint.describe_layouts())}"
 
 
 def shipped_name() -> str:

@@ -72,6 +72,9 @@ def test_a_store_that_is_shipped_is_for_all_versions_and_for_one_layout_of_objec
         with monkeypatch.context() as patch:
             patch.setattr(platform, name, value)
             assert (store.shipped_name() == shipped) == (name == "system")
+    with monkeypatch.context() as patch:  # free-threaded and debugging builds of one version, which have one cache tag
+        patch.setattr(fingerprint, "describe_layouts", lambda: "another")
+        assert store.own_name() != own and store.shipped_name() != shipped
     monkeypatch.setenv("NUMBA_OPT", "0")
     assert store.shipped_name() != shipped, "who asks for other code gets no code of others"
 

@@ -2,6 +2,7 @@
 same results, and with a word in the log where something went wrong."""
 
 import hashlib
+import sys
 import threading
 import time
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from helpers.stores import LIGHT, TINY, Pair, kernels_with, run, split_file
 
+from rasterizer import RasterizerError
 from rasterizer.compiler import kernels, store
 from rasterizer.geometry.normals import list_corners
 from rasterizer.pipeline.reflection import lambert
@@ -133,6 +135,15 @@ def test_a_folder_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
         with module.compiling_ahead(lambda: pytest.fail("asked what is needed, and there is no folder for it")):
             assert use(module) == BOTH
     assert place.read_text() == "precious"
+
+
+def test_without_the_global_interpreter_lock_nothing_is_drawn(monkeypatch):
+    """A free-threaded Python whose lock is on is like any other; where it is off, a line says how it is switched on."""
+    monkeypatch.setattr(sys, "_is_gil_enabled", lambda: True, raising=False)
+    assert kernels_with(monkeypatch).STORE.is_used
+    monkeypatch.setattr(sys, "_is_gil_enabled", lambda: False)
+    with pytest.raises(RasterizerError, match=r"PYTHON_GIL=1"):
+        kernels_with(monkeypatch)
 
 
 def test_with_the_jit_switched_off_kernels_are_plain_functions(monkeypatch):
