@@ -104,7 +104,7 @@ def outcome(folder, format, defect) -> tuple[str, str]:
             scene = rz.load(Path(folder) / next(iter(files)), **defect.load)
         except rz.ModelError as fault:
             return "refused", str(fault)
-    said = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]  # not of other libraries
+    said = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]  # deprecations are others'
     n_face = scene.n_face
     how = "drawn" if not said else "warned" if len(said) == 1 else f"{len(said)} warnings"
     return how if n_face == defect.n_face else f"{how}, {n_face} faces", "; ".join(said)
