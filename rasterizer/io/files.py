@@ -112,10 +112,14 @@ class Folder:
         raise refusal or FileNotFoundError("no such file")
 
     def _whatever_capitals(self, name: str) -> Path:
-        """Return a path below the folder, with the capitals of the files that are there."""
+        """Return a path below the folder, with the capitals of the files that are there; OSError where none can be."""
         found = self.path
         for word in name.split("/"):
-            if word in ("", ".", "..") or (found / word).exists() or not found.is_dir():
+            if word in ("", "."):
+                continue
+            if not found.is_dir():  # or its path is too long for the system, of which Python 3.14 makes no error
+                raise FileNotFoundError("no such folder")
+            if word == ".." or (found / word).exists():
                 found = found / word
                 continue
             if found not in self._listings:  # many names may be missing

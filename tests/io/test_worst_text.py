@@ -105,6 +105,7 @@ def test_text_of_each_format(format):
 
 @pytest.mark.parametrize("line", [
     "map_Kd " + "-clamp on " * 100_000 + "a.png", "map_Kd " + "a/" * 500_000, "map_Kd" + " " * MB + "a.png",
+    "map_Kd " + "./" * 500_000,
     "map_Kd -o " + "1 " * 500_000, "Kd " + "1 " * 500_000, "newmtl " + "m" * MB, "Kd 1 1 1\n" * 100_000,
     "".join(f"newmtl m{k}\nKd 1 0 0\n" for k in range(40_000)), "map_Kd a.png\n" * 70_000,
     "".join(f"newmtl m{k}\nmap_Kd {k}.png\n" for k in range(35_000)),
