@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -340,12 +340,10 @@ class Renderer:
         # What a frame picks with draws the surfaces that it shows, and no colours.
         kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
         shown_as = kept | {"outputs": "face", "samples": 1, "threads": 1}
-        of_surfaces: list[Renderer] = []
+        make_renderer = cache(partial(Renderer, self.scene, options.size, **shown_as))
 
         def draw_pick(x: int, y: int) -> Pick | None:
-            if not of_surfaces:
-                of_surfaces.append(Renderer(self.scene, options.size, **shown_as))
-            return of_surfaces[0].pick(x, y, camera)
+            return make_renderer().pick(x, y, camera)
 
         rgba = None if picture is None else picture.rgba
         return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, options, draw_pick))

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class Viewpoint:
     def __post_init__(self) -> None:
         check_words(vars(self))
         camera = self.camera
-        if isinstance(camera, (str, os.PathLike)) and camera not in ("file", "frame"):
+        if is_path(camera):
             raise TypeError(f"the camera in {camera} must be read first, see io/camera_file.py")
         if isinstance(camera, Viewpoint):
             store(self, **vars(camera) | {"zoom": camera.zoom * self.zoom})
@@ -148,6 +148,11 @@ class Viewpoint:
         start = settings.pop("azimuth")
         cameras = Camera.orbit(scene if subject is None else subject(), [start + angle for angle in angles], **settings)
         return [zoomed(camera, self.zoom) for camera in cameras]
+
+
+def is_path(camera: object) -> TypeGuard[str | os.PathLike[str]]:
+    """Tell whether what is given as `camera` is the path of a file, and none of the words "file" and "frame"."""
+    return isinstance(camera, (str, os.PathLike)) and camera not in ("file", "frame")
 
 
 def words_given(words: Mapping[str, Any]) -> list[str]:

@@ -24,6 +24,7 @@ from ..options import Options
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.validate import choice
+from ..viewpoint import is_path
 from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error, view_of
 from .manifest import Manifest, depth_scale
 from .pools import (
@@ -279,19 +280,19 @@ class Batch:
         self._outputs.update(dict.fromkeys(outputs.values(), index))
         while len(self._outputs) > _MAX_KNOWN:
             self._outputs.popitem(last=False)
-        if self._existing != "replace" and self._is_done(outputs.values(), path, task):
+        named = task.files_named if path is None else (path, *task.files_named)
+        if self._existing != "replace" and self._is_done(outputs.values(), path, named, task):
             if self._manifest is None or self._manifest.keep(index, task.named_files(options)):
                 return RenderRecord(index, task.path, "skipped", model=path, files=tuple(outputs), seed=task.seed)
-        read = (*(() if path is None else (path,)), *task.files_named)
-        refuse_inputs(outputs, {identity_of(each): each for each in read})
-        if isinstance(task.camera, (str, os.PathLike)) and task.camera not in ("file", "frame"):
+        refuse_inputs(outputs, {identity_of(each): each for each in named})
+        if is_path(task.camera):
             task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
         if path is None:
             return Item(index, task, options, None, self._share(task.source, task.loading))
         return Item(index, task, options, path if self._pool.is_here else os.path.abspath(path), None)
 
-    def _is_done(self, outputs: Iterable[str], path: str | None, task: RenderTask) -> bool:
-        """Tell whether files are there, and shall stay."""
+    def _is_done(self, outputs: Iterable[str], path: str | None, named: Iterable[str], task: RenderTask) -> bool:
+        """Tell whether files are there, and shall stay; `named` are the model's file and those that the task names."""
         try:
             status = [os.stat(output) for output in outputs]
             if not all(each.st_size for each in status):  # an empty file is none
@@ -299,7 +300,6 @@ class Batch:
             if self._existing != "changed":
                 return True
             made = min(each.st_mtime_ns for each in status)
-            named = task.files_named if path is None else (path, *task.files_named)
             is_older = all(os.stat(each).st_mtime_ns <= made for each in named)
             return is_older and (path is None or not self._names_newer(path, made, task))
         except (OSError, ValueError):

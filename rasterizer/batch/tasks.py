@@ -17,7 +17,7 @@ from ..keywords import checked_fields, divided, unknown_keyword
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.validate import whole
-from ..viewpoint import Viewpoint
+from ..viewpoint import Viewpoint, is_path
 
 Existing = Literal["replace", "skip", "changed"]
 EXISTING: tuple[str, ...] = get_args(Existing)
@@ -222,8 +222,7 @@ class RenderTask:
         """The files beside its model that its picture is made of: textures and a camera."""
         material = self.appearance.get("material")
         named = [material.get(name) for name in TEXTURES] if isinstance(material, Mapping) else []
-        if self.camera not in ("file", "frame"):
-            named.append(self.camera)
+        named += [self.camera] if is_path(self.camera) else []
         return tuple(os.fspath(each) for each in named if isinstance(each, (str, os.PathLike)))
 
     @property

@@ -25,7 +25,7 @@ from ..scene.material import REFLECTION_MODELS
 from ..scene.plugins import find_plugin
 from ..scene.scalars import ScalarWords
 from ..scene.scene import DepthCue, Scene
-from ..viewpoint import Viewpoint, check_words, words_given, zoomed
+from ..viewpoint import Viewpoint, check_words, is_path, words_given, zoomed
 from .flags import EVERY, UNSAID
 from .values import make_light
 
@@ -232,7 +232,7 @@ def _files_named(materials: list[dict[str, Any]], camera: str | None, scalars: s
     """Yield the files that flags name for reading."""
     for given in materials:
         yield from (given[name] for name in TEXTURES if given.get(name))
-    if camera not in (None, "file", "frame"):
+    if is_path(camera):
         yield camera
     if suffix_of(scalars) == "npy":
         yield scalars
@@ -310,7 +310,7 @@ def _make_viewpoint(view_words: dict[str, Any], views: Any, up: str | None, size
         given = ["camera"] * (view_words["camera"] not in (None, "frame")) + words_given(view_words | {"view": None})
         if given:
             raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
-    if view_words["camera"] in (None, "file", "frame"):
+    if not is_path(view_words["camera"]):
         viewpoint = Viewpoint(**view_words)
     else:
         from ..io.camera_file import viewpoint_of  # only here: most pictures need no file

@@ -1,11 +1,10 @@
 """Viewpoints whose camera may stand in a file: the words of a program or of the command line become one."""
 
-import os
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from ..viewpoint import Viewpoint, check_words
+from ..viewpoint import Viewpoint, check_words, is_path
 
 
 def viewpoint_of(words: Mapping[str, Any]) -> Viewpoint:
@@ -21,7 +20,7 @@ def viewpoint_of(words: Mapping[str, Any]) -> Viewpoint:
     ModelError : a camera's file that can't be read
     """
     camera = words.get("camera")
-    if isinstance(camera, (str, os.PathLike)) and camera not in ("file", "frame"):
+    if is_path(camera):
         check_words({each.name: each.default for each in fields(Viewpoint)} | dict(words))
         from .scene_file import read_camera_file  # only here: most pictures need no file
 
