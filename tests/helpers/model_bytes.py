@@ -89,37 +89,6 @@ def rich_gltf() -> bytes:
     return gltf_with(change)
 
 
-def metal_gltf() -> bytes:
-    """Return a glTF file of metal, whose material has all that is read of extensions."""
-
-    def change(tree, primitive):
-        extensions = {
-            "ior": {"ior": 1.4}, "specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 0.2]},
-            "emissive_strength": {"emissiveStrength": 2},
-        }  # fmt: skip
-        glossy = {"diffuseFactor": [1, 0, 0, 1], "specularFactor": [0.2, 0.1, 0], "glossinessFactor": 0.5}
-        surface = {"baseColorFactor": [1, 0.5, 0.2, 1], "metallicFactor": 0.5, "roughnessFactor": 0.4}
-        texture = {"metallicRoughnessTexture": {"index": 0}}
-        tree["images"], tree["textures"] = [{"uri": "wood.png"}], [{"source": 0}]
-        tree["materials"] = [
-            {
-                "pbrMetallicRoughness": surface | texture,
-                "extensions": {f"KHR_materials_{name}": fields for name, fields in extensions.items()},
-                "emissiveFactor": [0.1, 0, 0],
-            },
-            {
-                "extensions": {
-                    "KHR_materials_pbrSpecularGlossiness": glossy | {"specularGlossinessTexture": {"index": 0}}
-                }
-            },
-            {"extensions": {"KHR_materials_unlit": {}}, "pbrMetallicRoughness": surface},
-        ]
-        primitive["material"] = 0
-        tree["meshes"][0]["primitives"] += [primitive | {"material": k} for k in (1, 2)]
-
-    return gltf_with(change)
-
-
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 MATERIALS = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 COLORED_THREEMF = f"""<model unit="inch" xmlns="{CORE}" xmlns:m="{MATERIALS}"><resources>
