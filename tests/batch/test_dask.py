@@ -107,25 +107,6 @@ def test_a_worker_that_is_killed_half_way_loses_nothing(cluster, alone):
 
 
 @pytest.mark.nightly
-def test_a_model_goes_to_each_worker_once(cluster, monkeypatch):
-    sent, scatter = [], cluster.scatter
-    monkeypatch.setattr(cluster, "scatter", lambda value, **settings: sent.append(value) or scatter(value, **settings))
-    scene = rz.load(MODELS[0])
-    views = [(angle, 20) for angle in range(0, 360, 15)]
-    assert {record.status for record in rz.render_many(tasks_of([scene], "far", views), cluster)} == {"drawn"}
-    assert sent == [scene]
-
-
-@pytest.mark.nightly
-def test_one_bad_model_does_not_stop_the_rest(cluster, folder):
-    (folder / "bad.obj").write_text("v 1 2\n")
-    tasks = [*tasks_of(["bad.obj", "nope.obj", MODELS[0]], "far", ("front",))]
-    by_index = {record.index: record for record in rz.render_many(tasks, cluster)}
-    assert "bad.obj:1" in str(by_index[0].error) and "nope.obj: no such file" in str(by_index[1].error)
-    assert by_index[2].status == "drawn"
-
-
-@pytest.mark.nightly
 def test_the_command_line_draws_there(cluster, capsys):
     flags = ["-s", "32x24", "--view", "iso", "--view", "top", "-q"]
     assert raster("batch", *MODELS[:2], "-o", "far/", "--scheduler", cluster.scheduler.address, *flags) == 0

@@ -22,11 +22,6 @@ CUBE, CONE, TABLE, TORUS = (
 )
 SIZE = (48, 36)
 SMALL = {"size": SIZE}
-SUFFIXES = {  # of the files that each array can be written as
-    "rgb": ("png", "jpg", "webp", "npy", "npz"), "rgba": ("png", "tif", "npy"), "alpha": ("png", "exr"),
-    "color": ("npy", "exr", "npz"), "depth": ("png", "npy", "exr", "npz"), "object": ("png", "npy", "npz", "exr"),
-    "face": ("png", "npy", "npz"), "mask": ("png", "npy"), "normal": ("npy", "exr", "npz"), "uv": ("npy",),
-}  # fmt: skip
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -46,6 +41,7 @@ def files_below(folder=".") -> dict[str, bytes]:
 
 def test_one_frame_makes_all_files_of_a_task_and_the_record_lists_them():
     output = {"rgb": "a.png", "depth": Path("deep/a.depth.png"), "object": "a.mask.png", "normal": "a.normal.exr"}
+    output |= {"rgba": "a.rgba.npy", "alpha": "a.alpha.png"}
     (record,) = draw([rz.RenderTask(CUBE, output, "iso", options=SMALL, scale=0.0005)])
     assert record.status == "drawn" and record.output == "a.png"
     assert record.files == tuple(map(str, output.values())) == tuple(record.as_dict()["files"])
@@ -57,65 +53,6 @@ def test_one_frame_makes_all_files_of_a_task_and_the_record_lists_them():
     assert record.stats.samples == 4 * SIZE[0] * SIZE[1], "the picture keeps its samples"
     depth = np.asarray(Image.open("deep/a.depth.png"))
     assert depth.dtype == np.uint16 and np.abs(depth[depth > 0] * 0.0005 - frame.depth[depth > 0]).max() <= 0.000251
-
-
-def random_task(rng, number: int):
-    """A task, and what writes the same files from one frame."""
-    source = str(rng.choice([CUBE, CONE, TABLE, TORUS]))
-    names = [str(name) for name in rng.choice(list(SUFFIXES), rng.integers(1, 5), replace=False)]
-    output, shared = {}, f"{number}/all.npz"
-    for name in names:
-        suffix = str(rng.choice(SUFFIXES[name]))
-        output[name] = shared if suffix == "npz" else f"{number}/{name}.{suffix}"
-    azimuth, elevation = float(rng.uniform(0, 360)), float(rng.uniform(-90, 90))
-    options = SMALL | {"samples": int(rng.choice([1, 4])), "shading": str(rng.choice(["flat", "gouraud", "phong"]))}
-    scale = 0.0007 if output.get("depth", "").endswith(".png") else None
-    task = rz.RenderTask(source, output, (azimuth, elevation), options=options, scale=scale)
-
-    def write(folder):
-        outputs = {"rgba": "rgb", "alpha": "color"}
-        outputs = tuple(dict.fromkeys(outputs.get(name, name) for name in names))
-        scene = rz.load(source)
-        with rz.Renderer(scene, outputs=outputs, **options) as renderer:
-            frame = renderer.render(rz.Camera.framing(scene, azimuth, elevation, up=scene.up, size=SIZE))
-        for path in dict.fromkeys(output.values()):
-            held = [name for name in names if output[name] == path]
-            place = Path(folder, path)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            is_picture = held[0] in ("rgb", "rgba") and place.suffix in (".jpg", ".webp", ".tif")
-            settings = {} if is_picture else {"array": held if len(held) > 1 else held[0]}
-            frame.save(
-                place,
-                **settings,
-                **({"scale": scale} if scale and place.suffix == ".png" and held == ["depth"] else {}),
-            )
-
-    return task, write
-
-
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 12))])
-def test_random_tasks_write_what_one_frame_writes(seed, folder):
-    """A campaign: any arrays in any formats, some there already, one to three at a time, by threads or a process."""
-    rng = np.random.default_rng(seed)
-    made = [random_task(rng, number) for number in range(10)]
-    tasks = [task for task, _ in made]
-    for _, write in made:
-        write("expected")
-    there = {}
-    for path in rng.choice(sorted(files_below("expected")), 6, replace=False):
-        there[str(path)] = b"there"
-        Path(path).parent.mkdir(exist_ok=True)
-        Path(path).write_bytes(b"there")
-    existing = str(rng.choice(["replace", "skip", "changed"]))
-    records = draw(tasks, n=int(rng.integers(1, 4)), existing=existing, manifest="m.jsonl" if seed % 3 == 0 else None)
-    assert [record.error for record in records] == [None] * len(tasks)
-    expected = files_below("expected")
-    for record, task in zip(records, tasks, strict=True):
-        paths = list(dict.fromkeys(task.output.values()))
-        is_left_out = existing != "replace" and seed % 3 and all(path in there for path in paths)
-        assert record.status == ("skipped" if is_left_out else "drawn") and list(record.files) == paths
-        for path in paths:
-            assert Path(path).read_bytes() == (b"there" if is_left_out else expected[path]), path
 
 
 def test_all_files_of_a_task_appear_or_none(folder):

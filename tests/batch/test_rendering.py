@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.deadly import Deadly
+from helpers.deadly import Deadly, Unreadable
 from helpers.model_bytes import rich_gltf
 from helpers.odd_format import odd_format
 from helpers.raster import ROOT
@@ -55,24 +55,17 @@ def children() -> set[int]:
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
 
 
-def test_files_of_one_view_and_options_come_from_one_frame():
-    options = rz.Options(size=(24, 16), outputs=("rgb", "depth", "face"), threads=1)
-    files = (".png", None), ("-depth.npy", "depth"), ("-face.npy", "face")
+def test_tasks_of_one_view_and_options_share_a_frame():
+    options, files = SMALL | {"outputs": ("rgb", "depth")}, ((".png", None), (".npy", "depth"))
     tasks = [
         rz.RenderTask(CUBE, f"{azimuth}{end}", (azimuth, 20), options=options, array=array)
-        for azimuth in range(4)  # more files than a job has pictures
+        for azimuth in range(6)  # more files than a job has pictures
         for end, array in files
     ]
     times = [record.stats.milliseconds for record in draw(tasks)]
-    scene = rz.load(CUBE)
-    with rz.Renderer(scene, (24, 16), outputs=options.outputs) as renderer:
-        for azimuth in range(4):
-            of_view = times[3 * azimuth : 3 * azimuth + 3]
-            assert of_view == of_view[:1] * 3 and times.count(of_view[0]) == 3
-            frame = renderer.render(rz.Camera.framing(scene, azimuth, 20, up=scene.up, aspect=24 / 16))
-            assert np.array_equal(np.load(f"{azimuth}-depth.npy"), frame.depth)
-            assert np.array_equal(np.load(f"{azimuth}-face.npy"), frame.face)
-            assert open(f"{azimuth}.png", "rb").read() == frame.encode("PNG")
+    assert [times.count(each) for each in times] == [2] * 12
+    frame = rz.render(CUBE, (24, 16), azimuth=5, elevation=20, outputs=("rgb", "depth"))
+    assert np.array_equal(np.load("5.npy"), frame.depth) and open("5.png", "rb").read() == frame.encode("PNG")
 
 
 def test_models_may_be_whatever_load_takes():
@@ -103,6 +96,7 @@ def test_one_that_fails_does_not_stop_the_others():
         (rz.RenderTask(CUBE, "d.png", "up"), "view must be one of"),
         (rz.RenderTask(CUBE, "e.png", "top", camera=rz.Camera.framing(np.eye(3))), "given camera, view"),
         (rz.RenderTask(CUBE, "h.png", load={"log": lambda text: None}), "can't be drawn by another"),
+        (rz.RenderTask(CUBE, "u.png", load={"lights": Unreadable()}), "can't be drawn by another"),
         (rz.RenderTask(CUBE, "k.png", array="uv"), "a PNG file can't hold 'uv'"),
         (rz.RenderTask(CUBE, "k.npz", array=("depth", "z")), "array must be one of"),
         (rz.RenderTask(CUBE, {"rgb": "k.png", "depth": "k.png"}), "a .png file holds one array"),

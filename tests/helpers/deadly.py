@@ -13,6 +13,13 @@ class Deadly:
         return die, (self.marker,)
 
 
+class Unreadable:
+    """Can be sent, but not be unpickled."""
+
+    def __reduce__(self):
+        return int, ("x",)
+
+
 def die(marker):
     """End this process at once, as a crash does; with a marker that exists do nothing."""
     if marker is not None and os.path.exists(marker):
