@@ -1,16 +1,12 @@
 """Scene files as people write them: what each entry becomes, and what is said of each fault."""
 
 import json
-import math
-from dataclasses import fields
 
 import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.raster import ROOT
 from helpers.refusals import assert_refused
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from PIL import Image
 
 import rasterizer as rz
@@ -327,55 +323,3 @@ def test_text_that_is_no_scene(tmp_path):
         (tmp_path / "c.toml", "c.toml: unknown format 'toml'.*a scene file is written in JSON"),
     ]  # fmt: skip
     assert_refused(rz.load, cases, rz.ModelError)
-
-
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers(-3, 2**70) | st.floats(-1e300, 1e300) | st.text(max_size=3),
-    lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["kind", "size", "file"]), inner, max_size=2)
-    ),
-    max_leaves=6,
-)
-FULL = {
-    "meshes": [TRIANGLE | {"transform": {"scale": 1, "rotate": {"axis": [0, 0, 1], "angle": 3}},
-    "uv": [[0, 0], [1, 0], [0, 1]],
-                           "normals": [[0, 0, 1]] * 3, "colors": [[1, 1, 1]] * 3, "crease_angle": 5,
-                           "material": {"levels": 2}}],
-    "materials": {"a": {field.name: None for field in fields(rz.Material)} | {"diffuse": 1}},
-    "lights": [{"kind": "spot", "position": [0, 0, 0], "direction": [0, 0, 1], "inner": 1, "outer": 2, "exponent": 0,
-    "color": 1,
-                "attenuation": [1, 0, 0], "attached": "world", "amplify": False, "range": 5, "shadow": {"size": 64}}],
-    "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30, "near": 1, "far": 9},
-    "background": 0.5, "up": "y", "options": {"size": [4, 3]},
-}  # fmt: skip
-WORDS = {
-    "meshes": [TRIANGLE], "preset": "studio", "shadows": {"size": 64, "filter": 3}, "color": "red", "subdivide": 1,
-    "material": {"diffuse": [1, 0, 0], "shininess": 3}, "reflection": "blinn", "crease_angle": 30, "weighting": "area",
-    "drop_bad_faces": True, "depth_cue": {"scale": 2},
-    "camera": {"eye": [1, 2, 3], "target": [0, 0, 0], "fov": 30, "ortho": True, "zoom": 2, "margin": 0.1},
-}  # fmt: skip
-
-
-def places(value, way=()):
-    yield way
-    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
-        yield from places(value[key], (*way, key))
-
-
-@settings(max_examples=50, deadline=None)
-@given(place=st.sampled_from([(table, way) for table in (FULL, WORDS) for way in places(table) if way]), value=VALUES)
-def test_any_other_value_is_taken_or_refused_with_its_place(place, value):
-    table, way = json.loads(json.dumps(place[0])), place[1]
-    table["materials"] = {"a": {"diffuse": 1}}
-    if way[:2] == ("materials", "a"):
-        way = ("materials", "a", *way[2:])
-    target = table
-    for key in way[:-1]:
-        target = target[key]
-    target[way[-1]] = value
-    try:
-        scene = read(table).finished_scene()
-    except (rz.SceneError, rz.ModelError) as fault:
-        assert str(fault).startswith("scene: ")
-    else:
-        assert scene.meshes and math.isfinite(scene.bounds.sum())
