@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from helpers.processes import is_running, workers_of
+from helpers.raster import ROOT
 from helpers.stores import environment_with, start
 
 from rasterizer.compiler import kernels
@@ -69,6 +70,11 @@ def test_a_batch_is_left_early_again_and_again(tmp_path, alone):
 
 
 DRAWS = BATCH.replace("(300, 300)", "(6000, 6000)") + "for _ in batch: pass"
+COMMAND = f"""import sys
+from rasterizer.cli import main
+words = "-o {{view}}.png --view random:99 --seed 1 -j 2 -s 3000 -q"
+sys.exit(main(["batch", {str(ROOT / "models" / "teapot.obj")!r}, *words.split()]))
+"""
 WARMS = "import sys; from rasterizer.cli import main; main(['warmup', '-q'])"
 
 
@@ -77,6 +83,7 @@ WARMS = "import sys; from rasterizer.cli import main; main(['warmup', '-q'])"
     [
         (DRAWS, signal.SIGKILL, True),
         pytest.param(WARMS, signal.SIGKILL, False, marks=pytest.mark.nightly),
+        pytest.param(COMMAND, signal.SIGINT, True, marks=pytest.mark.nightly),
         pytest.param(DRAWS, signal.SIGTERM, True, marks=pytest.mark.nightly),
         pytest.param(DRAWS, signal.SIGINT, True, marks=pytest.mark.nightly),
         pytest.param(WARMS, signal.SIGTERM, False, marks=pytest.mark.nightly),
@@ -100,3 +107,5 @@ def test_no_process_outlives_the_one_that_started_it(program, number, is_warm, t
         while any(map(is_running, workers)) or list(Path(folder).iterdir()):
             assert time.monotonic() < ended + 3.0, f"{workers} run on, or {os.listdir(folder)} stays"
             time.sleep(0.02)
+    if program == COMMAND:
+        assert process.returncode == 130 and not list(tmp_path.glob(".raster-*"))

@@ -4,16 +4,13 @@ import json
 import os
 import re
 import shutil
-import signal
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.arrays import differences
-from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
-from helpers.processes import is_running, workers_of
+from helpers.command import CUBE, GEAR, assert_refused, errors, picture, raster
 from helpers.raster import ROOT
 from PIL import Image
 
@@ -75,13 +72,6 @@ def test_where_nothing_is_drawn_the_exit_code_says_why(folder, capsys):
         assert batch(model) == code
         assert summary_of(errors(capsys)) == "0 pictures drawn, 1 failed"
     assert (folder / "cube.png").read_bytes() == b"old"
-    (folder / "skin.png").write_bytes((ROOT / "models" / "globe.png").read_bytes())
-    (folder / "b.mtl").write_text("newmtl m\nmap_Kd skin.png\n")
-    (folder / "b.obj").write_text("mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
-    (folder / "skin.obj").write_bytes(open(CUBE, "rb").read())
-    assert batch("b.obj", "skin.obj") == 1
-    assert "can't write skin.png: it is" in errors(capsys), "what another model has read stays"
-    assert picture("skin.png").shape == picture(ROOT / "models" / "globe.png").shape
 
 
 def test_folders_are_made_again_and_what_is_there_is_skipped(folder, capsys):
@@ -124,33 +114,6 @@ def test_what_is_not_legal_is_told_before_a_model_is_loaded(capsys):
             (["nope.obj", CUBE, "--samples", "3"], "argument --samples"),
             (["nope.obj", CUBE, "--exposure", "1e9"], "exposure"),
         ], command)  # fmt: skip
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(sys.platform == "win32", reason="processes are those that ps shows")
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.nightly)])
-def test_an_interrupt_ends_all_processes_and_leaves_whole_files(number, folder, alone):
-    for k in range(400):
-        os.symlink(ROOT / "models" / "teapot.obj", folder / f"pot{k}.obj")
-    argv = ["batch", str(folder / "*.obj"), "-o", "out/", "-j", "2", "-s", "128x96", "--no-ground"]
-    process = start_with(f"import sys; from rasterizer.cli import main; sys.argv[1:] = {argv!r}; sys.exit(main())")
-    deadline = time.monotonic() + 20
-    while not list(folder.glob("out/*.png")) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    below = workers_of(process.pid)
-    assert len(below) >= 2  # and what cleans up after them
-    if number == signal.SIGTERM:
-        process.terminate()
-        process.communicate(timeout=20)
-    else:
-        end_by_signal(process, number)
-    deadline = time.monotonic() + 20  # a process ends with its input, when it is done with what it is at
-    while any(map(is_running, below)) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert not list(filter(is_running, below))
-    names = os.listdir("out")
-    assert names and not [name for name in names if name.startswith(".")]
-    assert [name for name in names if picture(f"out/{name}").shape != (96, 128, 4)] == []
 
 
 # --- datasets ---------------------------------------------------------------------------------------------------------

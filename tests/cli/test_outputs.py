@@ -357,12 +357,8 @@ def test_a_full_disk_or_an_interrupt_leaves_no_half_file(folder, capsys, monkeyp
         assert words in one_error(capsys) and not os.listdir(folder), fault
 
 
-SIGNALS = [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.nightly)]
-
-
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_signal_while_writing_leaves_nothing(folder, number, alone):
+def test_a_signal_while_writing_leaves_nothing(folder, alone):
     code = (
         "import os, sys, time\n"
         "from rasterizer.cli import main\n"
@@ -373,7 +369,7 @@ def test_a_signal_while_writing_leaves_nothing(folder, number, alone):
         "sys.argv[1:] = ['render', sys.argv[1], '-s', '16', '-o', 'x.png', '--preset', 'studio']\n"
         "sys.exit(main())"
     )
-    end_once_it_says_now(code, number)
+    end_once_it_says_now(code, signal.SIGTERM)
     assert not os.listdir(folder)
 
 

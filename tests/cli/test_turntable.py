@@ -3,12 +3,11 @@
 import json
 import os
 import shutil
-import signal
 
 import numpy as np
 import pytest
 from helpers.arrays import deviations, differences
-from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, one_error, raster, start_with
+from helpers.command import CUBE, GEAR, assert_refused, one_error, raster
 from helpers.model_bytes import rich_gltf
 from helpers.raster import ROOT
 from PIL import Image
@@ -102,18 +101,6 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
     assert run("nope.obj", CUBE, "-q") == 1, "a model that fails doesn't stop the rest"
     assert one_error(capsys) == "raster: error: nope.obj: no such file\n" and os.path.exists("cube-turntable.gif")
     assert run("nope.obj") == 3
-
-
-@pytest.mark.nightly
-def test_an_interrupt_leaves_nothing_half_written(folder, alone):
-    process = start_with(
-        "import sys; from rasterizer.cli import main\n"
-        "sys.argv[1:] = ['turntable', sys.argv[1], '-s', '400', '--frames', '5000', '--seconds', '500', '-v']\n"
-        "sys.exit(main())"
-    )
-    process.stderr.readline()  # the model is loaded
-    end_by_signal(process, signal.SIGINT)
-    assert not os.listdir(folder)
 
 
 # --- the same turntable as rz.turntable's ---------------------------------------------------------------------------

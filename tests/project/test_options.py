@@ -67,8 +67,8 @@ ILLEGAL = {
     "shading": ("toon", None), "cull": ("front",), "color_range": ("wrap",),
     "samples": (2, True, np.True_, "4", 3, np.int64(3), 4.5, math.nan, [4], (1,), np.array([4, 4])),
     "outputs": ((), ("color", "uvw"), "uvw"), "tolerance": (-1e-9, math.nan, math.inf, "fine", None),
-    "threads": (0, 1.5, True, 1025), "exposure": (math.nan, "bright"), "edge_width": (-1.0, math.nan),
-    "spectral": (0, 1.5, "many"), "edges": ("contour",),
+    "threads": (0, 1.5, True, 1025), "exposure": (math.nan, "bright", 65), "edge_width": (0, math.nan),
+    "spectral": (2, 1.5, "many"), "edges": ("contour",),
 }  # fmt: skip
 
 
