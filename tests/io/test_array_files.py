@@ -36,6 +36,7 @@ def read_png(data) -> tuple[np.ndarray, dict]:
     while at < len(data):
         n_byte, name = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
         body = data[at + 8 : at + 8 + n_byte]
+        assert data[at + 8 + n_byte : at + 12 + n_byte] == zlib.crc32(name + body).to_bytes(4, "big")
         if name == b"IHDR":
             width, height = (int.from_bytes(body[k : k + 4], "big") for k in (0, 4))
             n_bit, n_channel = body[8], {0: 1, 2: 3, 6: 4}[body[9]]
@@ -59,13 +60,20 @@ def decoded(data) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_png_files_of_8_and_16_bits_are_read_as_they_were_written():
-    sizes, rng = [(1, 1), (1, 9), (31, 1), (200, 330)], np.random.default_rng(3)
+    sizes, rng = [(1, 1), (1, 9), (31, 1), (200, 330), (3, 90_001)], np.random.default_rng(3)
     for case in pairs(size=sizes, dtype=(np.uint8, np.uint16), n_channel=(1, 3, 4)):
         size, dtype, n_channel = case
         pixels = (rng.integers(0, 65536, (*size, n_channel)) & (np.arange(size[1])[:, None] * 7)).astype(dtype)
         found, text = read_png(encode_png(pixels, text={"a": "b", "scale": "0.001"}))
         assert np.array_equal(found.reshape(pixels.shape), pixels), case
         assert text == {"a": "b", "scale": "0.001"}, case
+
+
+def test_views_of_larger_arrays_are_written_as_they_look():
+    pixels = np.random.default_rng(0).integers(0, 256, (60, 50, 4), np.uint8)
+    pixels.setflags(write=False)
+    for view in (pixels, pixels[..., :3], pixels[::-1], pixels[5:40:2, 30:3:-3], pixels.transpose(1, 0, 2)):
+        assert not differences(read_png(encode_png(view))[0], view)
 
 
 def test_depths_come_back_to_half_a_step(frame, tmp_path):
