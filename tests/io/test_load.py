@@ -1,5 +1,7 @@
-"""Loading: every format, every kind of source, what is kept of a file, and errors that name it."""
+"""Loading: every format, every kind of source, what is kept of a file, errors that name it, and what is said of files
+that no reader takes, or that aren't what their names say."""
 
+import gzip
 import io
 import json
 import pathlib
@@ -11,12 +13,12 @@ from helpers.model_bytes import GLB, box, embedded_gltf, exported, gltf_with
 from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.io.formats import FORMATS, find
 from rasterizer.io.loader import demo_model, load
 from rasterizer.scene.lights import headlight
 from rasterizer.scene.material import Material
 
 MODELS = pathlib.Path(__file__).parents[2] / "models"
-FORMATS = ("obj", "stl", "ply", "off", "glb")
 
 
 def only_mesh(source, **options):
@@ -32,7 +34,7 @@ def sorted_triangles(vertices, faces):
 # --- formats and sources ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("format", ["obj", "stl", "ply", "off", "glb"])
 def test_every_format_from_every_kind_of_source(tmp_path, format):
     data = exported(box(), format)
     path = tmp_path / f"Box.{format.upper()}"
@@ -180,6 +182,80 @@ def test_broken_gltf_is_refused():
     for data in (GLB[:-10], GLB[:15], GLB[:4] + b"\1" + GLB[5:], b"x" + GLB[1:]):
         with pytest.raises(ModelError, match="^model: (not a readable GLB|not a GLB) file"):
             load(data, format="glb")
+
+
+def test_entries_are_whole_and_say_which_are_no_text(tmp_path):
+    assert [name for name, entry in FORMATS.items() if entry.is_binary] == ["glb", "3mf", "zae", "3dxml"]
+    for name, entry in FORMATS.items():
+        assert entry.name == name and callable(entry.read()) and find(f".{name.upper()}") is entry
+        if entry.is_binary:
+            path = tmp_path / f"a.{name}"
+            path.write_text("text")
+            said = f"{name} is no text; open the file with mode 'rb'"
+            with path.open() as opened, pytest.raises(ModelError, match=said):
+                load(opened)
+
+
+# --- files that aren't what their names say -----------------------------------------------------------------
+
+GOOD = {
+    "obj": exported(box(), "obj"), "stl": exported(box(), "stl"), "ply": exported(box(), "ply"),
+    "off": exported(box(), "off"), "glb": GLB, "gltf": gltf_with(),
+}  # fmt: skip
+
+
+def loader(folder, format):
+    """A function that loads data under the name of a format."""
+
+    def load_part(data):
+        (folder / f"part.{format}").write_bytes(data)
+        return load(folder / f"part.{format}")
+
+    return load_part
+
+
+@pytest.mark.parametrize("format", [name for name, entry in FORMATS.items() if not entry.is_scene])
+def test_what_is_no_model_of_its_name_is_told(tmp_path, format):
+    load_part = loader(tmp_path, format)
+    for content, data in GOOD.items():
+        if content == format:
+            assert load_part(data).n_face == 12
+            continue
+        said = f"; by its content it is {content}: --input-format {content}, or"
+        assert_refused(load_part, [(data, said)], ModelError, f"{tmp_path}")
+        assert load(tmp_path / f"part.{format}", format=content).n_face == 12
+    step = b"ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('x'),'2;1');\n" + b"#1=POINT();\n" * 9
+    hints = [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:ab\nsize 9\n", "a Git LFS pointer, .*git lfs pull"),
+        (b"<!DOCTYPE html>\n<html><body>Not Found</body></html>" + b" " * 99, "an HTML page, perhaps of a download"),
+        (b"\n<HTML>" + b"x" * 200, "an HTML page"),
+        (gzip.compress(GOOD["obj"]), "compressed: unpack it first"),
+        (step, "a STEP file: .*export STL"),
+        (b"Kaydara FBX Binary  \0" + b"\x1a\0" * 90, "an FBX file: export glTF"),
+        (b"BLENDER-v280" + b"\0" * 200, "a Blender file"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
+        (b"", "the file is empty$"), (b" \n\t", "the file is empty$"),
+        *((data, "") for data in (b"\0" * 100, b"hello world\n", b"\xff\xfe\x80\x81" * 50, b"[[[[[[")),
+    ]  # fmt: skip
+    cases = [(data, f"^(?!.*by its content).*{hint}") for data, hint in hints]
+    assert_refused(load_part, cases, ModelError, f"{tmp_path}/part.{format}: ")
+    if format in GOOD:
+        said = "^(?!.*(by its content|the file is (?!cut)))"
+        half = GOOD[format][: len(GOOD[format]) // 2]
+        try:
+            load_part(half)
+        except ModelError:
+            assert_refused(load_part, [(half, said)], ModelError)
+
+
+def test_a_suffix_that_no_reader_takes_says_what_to_do(tmp_path):
+    hints = {
+        "STEP": "export STL, 3MF or OBJ", "fbx": "export glTF", "zip": "unpack it", "las": "a point cloud has no",
+        "mtl": "give that one", "png": "outputs stand behind -o",
+    }  # fmt: skip
+    said = "unknown format '{}'; readable are .*; .*{}"
+    cases = [(tmp_path / f"part.{suffix}", said.format(suffix.lower(), hint)) for suffix, hint in hints.items()]
+    assert_refused(load, cases, ModelError)
 
 
 # --- the model that comes with the package ------------------------------------------------------------------

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from helpers.arrays import differences
+from helpers.model_bytes import PLY_HEADER
 from helpers.refusals import assert_refused
 from helpers.solids import area_of
 from PIL import Image
@@ -49,57 +50,31 @@ def test_polygons_and_face_colours_come_in_the_order_of_the_file():
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_files_of_every_kind(order):
-    """Polygons of several sizes, elements and properties that nobody asked for, bytes in both orders."""
-    name = "binary_little_endian" if order == "<" else "binary_big_endian"
-    counts = ("uchar", "B"), ("int", "i"), ("uchar", "B"), ("int", "i")
-    indices = ("int", "i"), ("uint", "I"), ("uchar", "B"), ("short", "h")
-    for count, index in zip(counts, indices, strict=True):
-        header = (
-            f"ply\r\nformat {name} 1.0\r\nelement junk 2\r\nproperty list uchar double values\r\nproperty short z\r\n"
-            f"element vertex 6\r\nproperty double x\r\nproperty float y\r\nproperty short z\r\nproperty uchar red\r\n"
-            f"property uchar green\r\nproperty uchar blue\r\nproperty uchar alpha\r\n"
-            f"element face 2\r\nproperty uchar flags\r\nproperty list {count[0]} {index[0]} vertex_index\r\n"
-            "end_header\r\n"
-        ).encode()
-        data = struct.pack(order + "BddhBh", 2, 1.5, 2.5, 7, 0, 9)
-        for k, (x, y, z) in enumerate(POINTS):
-            data += struct.pack(order + "dfhBBBB", x, y, z, 255, 40 * k, 0, 255)
-        for face in ([0, 1, 2, 3, 4, 5], [0, 1, 2]):
-            data += struct.pack(f"{order}B{count[1]}{len(face)}{index[1]}", 1, len(face), *face)
-        mesh = only(header + data)
-        assert mesh.n_face == 5, f"{(count, index)}: {mesh.n_face} != 5"
-        assert mesh.polygons.tolist() == [0, 0, 0, 0, 1], (
-            f"{(count, index)}: {mesh.polygons.tolist()} != {[0, 0, 0, 0, 1]}"
-        )
-        assert abs(area_of(mesh) - 36) < 1e-12, (count, index)
-        assert mesh.colors.shape == (6, 4), f"{(count, index)}: {mesh.colors.shape} != {(6, 4)}"
-        assert mesh.colors[0, :3].tolist() == [1, 0, 0], (
-            f"{(count, index)}: {mesh.colors[0, :3].tolist()} != {[1, 0, 0]}"
-        )
-        with pytest.raises(ModelError, match="binary PLY of another length"):
-            only(header + data[:-5])
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_rows_of_lists_of_several_lengths_are_those_of_text(order):
+def test_binary_files_are_those_of_text(order):
+    """Lists of several lengths, elements and properties that nobody asked for, bytes in both orders."""
     rng = np.random.default_rng(7)
     faces = [rng.choice(6, rng.integers(3, 6), replace=False).tolist() for _ in range(40)] + [[0, 1], [], [5, 4, 3]]
     name = b"binary_little_endian" if order == "<" else b"binary_big_endian"
-    for type, code in (("uchar", "u1"), ("char", "i1"), ("ushort", "u2"), ("int", "i4"), ("float", "f4")):
-        properties = f"property uchar red\nproperty list {type} short vertex_indices\nproperty double green\n"
+    junk = "element junk 2\nproperty list uchar double values\nproperty short z\n"
+    codes = {"uchar": "u1", "char": "i1", "ushort": "u2", "short": "i2", "int": "i4", "uint": "u4", "float": "f4"}
+    for type, index in zip(codes, ["short", "int", "uint", "uchar", "char", "short", "int"], strict=True):
+        properties = f"property uchar red\nproperty list {type} {index} vertex_index\nproperty double green\n"
         elements = f"element face {len(faces)}\n{properties}property uchar blue\n"
         rows = [f"{k} {len(face)} {' '.join(map(str, face))} {k / 2} {255 - k}" for k, face in enumerate(faces)]
-        written = text(elements, points() + "\n".join(rows) + "\n")
-        data = np.array([float(word) for word in points().split()], order + "f4").tobytes()
+        written = text(elements, "\n".join(["2 1.5 2.5 7", "0 9", points() + rows[0], *rows[1:]]) + "\n", comment=junk)
+        written = written.replace(b"float x", b"double x")
+        data = struct.pack(order + "BddhBh", 2, 1.5, 2.5, 7, 0, 9)
+        data += b"".join(struct.pack(order + "dff", *point) for point in POINTS)
         for k, face in enumerate(faces):
-            data += bytes([k]) + np.array(len(face), order + code).tobytes() + np.array(face, order + "i2").tobytes()
+            data += bytes([k]) + np.array(len(face), order + codes[type]).tobytes()
+            data += np.array(face, order + codes[index]).tobytes()
             data += np.array(k / 2, order + "f8").tobytes() + bytes([255 - k])
-        header = written[: written.index(b"end_header\n") + 11].replace(b"ascii", name)
+        header = written[: written.index(b"end_header\n") + 11].replace(b"ascii", name).replace(b"\n", b"\r\n")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # polygons that cross themselves
             one, other = only(header + data), only(written)
-        assert np.array_equal(one.faces, other.faces) and np.array_equal(one.polygons, other.polygons), type
+        assert np.array_equal(one.vertices, other.vertices) and np.array_equal(one.faces, other.faces), type
+        assert np.array_equal(one.polygons, other.polygons), type
         assert np.allclose(one.face_colors[:, [0, 2]], other.face_colors[:, [0, 2]]), type
         cases = [(n, "binary PLY of another length than its header says") for n in (1, 2, 3, 7, 20, 59)]
         assert_refused(lambda n, whole=header + data: only(whole[:-n]), cases, ModelError)
@@ -131,21 +106,49 @@ def test_triangle_strips():
 
 def test_colours_of_every_type_and_normals_of_vertices():
     values = {
-        "uchar": "255 0 51",
+        "uchar": "255 0 51 128",
         "float": "1 0 0.2",
         "ushort": "65535 0 13107",
         "double": "1.0 0.0 0.2",
         "int": "255 0 51",
     }
-    names = ["red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b", "red green blue", "r g b"]
+    names = ["red green blue alpha", "diffuse_red diffuse_green diffuse_blue", "r g b", "red green blue", "r g b"]
     for (type, row), words in zip(values.items(), names, strict=True):
         properties = "".join(f"property {type} {name}\n" for name in words.split())
         mesh = only(text(properties + FACES.format(n=1), points(row) + "3 0 1 2\n"))
         assert np.allclose(mesh.colors[0, :3], (1, 0, 0.0331), atol=1e-3), f"{type} {words}: {mesh.colors[0]}"
+        assert np.allclose(mesh.colors[0, 3:], 128 / 255)
         assert mesh.material.diffuse == (1, 1, 1)
     properties = "".join(f"property float n{axis}\n" for axis in "xyz")
     mesh = only(text(properties + FACES.format(n=1), points("0 3 4") + "3 0 1 2\n"))
     assert mesh.normals.tolist() == [[0, 0.6, 0.8]] * mesh.n_vertex
+
+
+# --- what others read, though it is not quite legal -----------------------------------------------------------
+
+ROWS = PLY_HEADER.format(n_face=1, face_properties="property uchar red\n")
+
+
+def test_rows_of_ply_with_more_values_than_the_header_names():
+    vertices = ROWS.replace("0 0 0\n1 0 0", "0 0 0 7 7\n1 0 0 7")
+    for data in (ROWS + "3 0 1 2 9 5 5 5 5\n", vertices + "3 0 1 2 9\n", ROWS + "3 0 1 2 9 3 0\n"):
+        with pytest.warns(UserWarning, match="rows hold more values than the header names: these are left out"):
+            mesh = only(data.encode())
+        assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], data
+        assert mesh.faces.tolist() == [[0, 1, 2]], data
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        broken = ROWS.replace("1 0 0\n1 1 0", "1 0\n0 1 1 0")  # rows need no lines of their own
+        assert only((broken + "3 0 1\n2 9").encode()).n_face == 1
+
+
+def test_elements_of_ply_without_rows():
+    edges = "element edge 0\nproperty int vertex1\nproperty int vertex2\n"
+    assert only(text(edges + FACES.format(n=1), points() + "3 0 1 2\n")).n_face == 1
+    for order in (b"ascii", b"binary_little_endian"):
+        for elements in (FACES.format(n=0), edges + FACES.format(n=0)):
+            with pytest.raises(ModelError, match="^model: no faces$"):
+                only(text(elements, "", n=0).replace(b"ascii", order))
 
 
 # --- textures -----------------------------------------------------------------------------------------------

@@ -171,6 +171,13 @@ def test_composites_are_means_and_layers_are_blended():
     assert mesh.material == Material() and "not used: the group of properties" in facts[0], "which lib3mf reads wrongly"
 
 
+def test_a_file_whose_only_color_is_invisible_is_drawn_opaque():
+    base = '<basematerials id="5"><base name="a" displaycolor="#FF000000"/></basematerials>'
+    with pytest.warns(UserWarning, match="opacity 0: drawn as if they were opaque"):
+        mesh = loaded(own='pid="5" pindex="0"', groups=base)
+    assert mesh.material.opacity == 1.0 and mesh.material.diffuse[0] == 1.0
+
+
 def test_unit_and_what_is_left_out_are_said():
     facts = []
     groups = GROUPS + '<m:colorgroup id="2"><m:color color="#FF000011"/></m:colorgroup>'
