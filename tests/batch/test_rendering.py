@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import threading
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
@@ -16,6 +15,7 @@ import pytest
 from helpers.deadly import Deadly, Unreadable
 from helpers.model_bytes import rich_gltf
 from helpers.odd_format import odd_format
+from helpers.processes import at_once
 from helpers.raster import ROOT
 from PIL import Image
 
@@ -346,18 +346,10 @@ def test_a_pool_that_breaks_is_told(folder):
 
 def test_a_batch_may_be_drawn_beside_another_one_by_any_executor():
     """Local processes and a pool of threads, at one time; the bytes are the same."""
-    found = []
-
-    def draw_both(executor, folder):
-        found.extend(draw(tasks_of(folder=folder), executor, n_process=None if executor else 1))
-
     with ThreadPoolExecutor(2) as executor:
-        runs = [threading.Thread(target=draw_both, args=each) for each in ((None, "processes"), (executor, "threads"))]
-        for run in runs:
-            run.start()
-        for run in runs:
-            run.join()
-    assert [record.status for record in found] == ["drawn"] * 8
+        ways = ("processes", {"n_process": 1}), ("threads", {"executor": executor, "n_process": None})
+        found = at_once(lambda k: draw(tasks_of(folder=ways[k][0]), **ways[k][1]), 2)
+    assert [record.status for each in found for record in each] == ["drawn"] * 8
     for name in os.listdir("processes"):
         assert open(f"processes/{name}", "rb").read() == open(f"threads/{name}", "rb").read(), name
 

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from helpers.processes import at_once
 from helpers.stores import EntryPoint, Other, Pair, bits_of
 
 from rasterizer.compiler.kernels import ArgumentTypes, kernel
@@ -293,17 +294,7 @@ def test_other_threads_run_while_a_kernel_does(alone):
 
 def test_threads_at_once_get_their_own_results():
     """Also where they meet the kernel for the first time together."""
-    summed, found = kernel(total_of), {}
-    start = threading.Barrier(4)
-
-    def work(k):
-        values = np.full(50 + k, k, (np.float64, np.int32)[k % 2])
-        start.wait()
-        found[k] = {summed(values) for _ in range(1000)}
-
-    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert found == {k: {float(k * (50 + k))} for k in range(4)}
+    summed = kernel(total_of)
+    values = [np.full(50 + k, k, (np.float64, np.int32)[k % 2]) for k in range(4)]
+    found = at_once(lambda k: {summed(values[k]) for _ in range(1000)}, 4)
+    assert found == [{float(k * (50 + k))} for k in range(4)]

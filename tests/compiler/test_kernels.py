@@ -3,11 +3,11 @@ same results, and with a word in the log where something went wrong."""
 
 import hashlib
 import sys
-import threading
 import time
 
 import numpy as np
 import pytest
+from helpers.processes import at_once
 from helpers.stores import LIGHT, TINY, Pair, kernels_with, run, split_file
 
 from rasterizer import RasterizerError
@@ -248,19 +248,13 @@ def test_kernels_are_compiled_again_where_theirs_are_damaged(own, monkeypatch, c
 
 def test_threads_that_ask_at_once_get_the_same_batch_function(own):
     """Else one of them would be taken out of memory, while its address is in use."""
-    begun, found, told = threading.Barrier(4), [], []
+    told = []
 
-    def ask():
-        begun.wait()
+    def ask(_):
         with own.noticing_compilation(lambda *notice: (told.append(notice), time.sleep(0.05))):
-            found.append(own.batch_function(doubles, np.float32).address)
+            return own.batch_function(doubles, np.float32).address
 
-    threads = [threading.Thread(target=ask) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(found) == 4 and len(set(found)) == 1 and told == [("doubles", 0, 1)]
+    assert len(set(at_once(ask, 4))) == 1 and told == [("doubles", 0, 1)]
 
 
 # ---------------------------------------------------------------- what is compiled ahead

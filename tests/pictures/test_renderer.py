@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.pinhole import octasphere, torus
+from helpers.processes import at_once
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
@@ -145,19 +146,12 @@ def test_renderers_in_threads_of_the_caller(is_shared):
         [digest(rz.render(replace(scene, camera=camera), **{"samples": 1} | given)) for camera in cameras[:5]]
         for scene, given in zip(scenes, options, strict=True)
     ]
-    found, start = [None] * 4, threading.Barrier(4)
 
     def draw(k):
         with rz.Renderer(scenes[k], **{"samples": 1} | options[k]) as renderer:
-            start.wait()
-            found[k] = [digest(renderer.render(camera)) for camera in cameras]
+            return [digest(renderer.render(camera)) for camera in cameras]
 
-    threads = [threading.Thread(target=draw, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert found == [digests * 2 for digests in expected]
+    assert at_once(draw, 4) == [digests * 2 for digests in expected]
 
 
 def test_close_ends_the_threads(alone):

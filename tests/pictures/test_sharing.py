@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 from helpers.pinhole import octasphere
+from helpers.processes import at_once
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
@@ -44,43 +45,34 @@ def test_threads_that_share_a_renderer_take_turns(kind, shading):
     """24 pictures of eight cameras; each is that of a Renderer of its own."""
     with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2, samples=1) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
-    wrong, order = [], sys.getswitchinterval()
+    order = sys.getswitchinterval()
     sys.setswitchinterval(1e-5)
     try:
         with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2, samples=1) as renderer:
 
             def draw(first):
-                for k in range(first, first + 6):
-                    if bytes_of(renderer.render(CAMERAS[k % 8])) != expected[k % 8]:
-                        wrong.append(k)
+                return [bytes_of(renderer.render(CAMERAS[k % 8])) != expected[k % 8] for k in range(first, first + 6)]
 
-            threads = [threading.Thread(target=draw, args=(first,)) for first in range(4)]
-            for thread in threads:
-                thread.start()
-            for thread in threads:
-                thread.join()
+            wrong = np.sum(at_once(draw, 4))
     finally:
         sys.setswitchinterval(order)
-    assert not wrong, f"{len(wrong)} of 24 pictures differ"
+    assert not wrong, f"{wrong} of 24 pictures differ"
 
 
 def test_close_waits_for_the_picture_that_is_being_drawn(alone):
     renderer, outcomes = rz.Renderer(scene_of("plain"), (400, 300), shading="phong", threads=2, samples=1), []
 
-    def draw():
+    def draw(k):
+        if k == 3:
+            time.sleep(0.05)
+            return renderer.close()
         try:
             for _ in range(1000):
                 outcomes.append(renderer.render().stats.covered)
         except rz.SceneError as fault:
             outcomes.append(str(fault))
 
-    threads = [threading.Thread(target=draw) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    time.sleep(0.05)
-    renderer.close()
-    for thread in threads:
-        thread.join()
+    at_once(draw, 4)
     assert sum(isinstance(outcome, str) and "closed" in outcome for outcome in outcomes) == 3, outcomes[-3:]
     assert len({outcome for outcome in outcomes if not isinstance(outcome, str)}) <= 1
 

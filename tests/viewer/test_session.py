@@ -3,12 +3,12 @@
 import io
 import itertools
 import shlex
-import threading
 
 import numpy as np
 import pytest
 from helpers.arrays import deviations, differences
 from helpers.command import raster
+from helpers.processes import at_once
 from helpers.raster import ROOT
 from helpers.viewing import SIZE, click, drag, key, message, rest, switch, zoom
 from PIL import Image
@@ -202,21 +202,11 @@ def test_no_flags_are_told_for_a_camera_that_they_cannot_say():
 
 
 def test_threads_that_share_a_session_take_turns(session):
-    faults = []
-
     def ask(k):
-        try:
-            for _ in range(5):
-                session.answer(message(drag(k, 1), is_rest=k % 2 == 0))
-        except Exception as fault:
-            faults.append(fault)
+        for _ in range(5):
+            session.answer(message(drag(k, 1), is_rest=k % 2 == 0))
 
-    threads = [threading.Thread(target=ask, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not faults
+    at_once(ask, 4)
 
 
 def test_options_that_are_not_legal_are_told_at_once(scene):
