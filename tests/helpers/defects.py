@@ -1,12 +1,12 @@
 """One small model in every format that is read, with what each can hold of its parts: for tests of what readers do with
 a defect."""
 
-import base64
 import json
 import re
 
 import numpy as np
 
+from helpers.gltf import add_array
 from helpers.model_bytes import CORE, MATERIALS, threemf
 from helpers.other_models import XAML
 
@@ -93,21 +93,11 @@ def stl(given) -> dict[str, bytes]:
 
 def gltf(given) -> dict[str, bytes]:
     _only(given, "normals", "uv", "colors", "material", "opacity", "missing", "picture", "nodes")
-    tree = {"asset": {"version": "2.0"}, "accessors": [], "bufferViews": [], "buffers": [], "scenes": [{}]}
-
-    def add(rows, dtype) -> int:
-        array = np.array(rows, dtype)
-        uri = "data:;base64," + base64.b64encode(array.tobytes()).decode()
-        number, type = len(tree["accessors"]), {1: "SCALAR", 2: "VEC2", 3: "VEC3"}[array.shape[1]]
-        tree["buffers"].append({"uri": uri, "byteLength": array.nbytes})
-        tree["bufferViews"].append({"buffer": number, "byteLength": array.nbytes})
-        component = 5126 if dtype == "<f4" else 5125
-        tree["accessors"].append({"bufferView": number, "componentType": component, "count": len(array), "type": type})
-        return number
-
+    tree = {"asset": {"version": "2.0"}}
     keys = {"points": "POSITION", "normals": "NORMAL", "uv": "TEXCOORD_0", "colors": "COLOR_0"}
-    primitive = {"attributes": {word: add(given[key], "<f4") for key, word in keys.items() if given[key]}}
-    primitive["indices"] = add([[k & 0xFFFFFFFF] for face in given["faces"] for k in face], "<u4")
+    used = {word: np.array(given[key], "<f4") for key, word in keys.items() if given[key]}
+    primitive = {"attributes": {word: add_array(tree, rows) for word, rows in used.items()}}
+    primitive["indices"] = add_array(tree, np.array([k & 0xFFFFFFFF for face in given["faces"] for k in face], "<u4"))
     if given["material"] or given["picture"] or given["opacity"] is not None or given["missing"]:
         opacity = 1.0 if given["opacity"] is None else given["opacity"]
         surface = {"baseColorFactor": [*(given["material"] or (1, 1, 1)), opacity]}

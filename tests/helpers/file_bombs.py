@@ -25,6 +25,7 @@ import PIL.Image
 import trimesh  # noqa: F401 - which would count, were it imported by the first file
 
 import rasterizer as rz
+from helpers import gltf
 from helpers.file_grammar import picture
 from helpers.model_bytes import CORE, MATERIALS, relationships, threemf, zipped
 from helpers.other_models import INSTANCE, REP, SHOWN, XAML, dae, threedxml
@@ -50,10 +51,7 @@ def glb(data=TRIANGLE, *lengths, **tree):
     views = [{"buffer": 0, "byteOffset": b - a, "byteLength": a} for a, b in zip(lengths, ends, strict=True)]
     usual = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": len(data)}], "bufferViews": views,
              "accessors": [POSITIONS], "meshes": [{"primitives": [PRIMITIVE]}], "nodes": [{"mesh": 0}]}  # fmt: skip
-    text = json.dumps(usual | tree, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<2I", len(text), 0x4E4F534A) + text + struct.pack("<2I", len(data), 0x004E4942) + data
-    return {"a.glb": struct.pack("<3I", 0x46546C67, 2, 12 + len(chunks)) + chunks}
+    return {"a.glb": gltf.glb(usual | tree, data)}
 
 
 def indexed(n, count, of_mesh=1, **tree):

@@ -1,13 +1,14 @@
 """Small models as the bytes of files, for the tests of loading."""
 
-import base64
 import json
-import struct
 import zipfile
 from functools import cache
 from io import BytesIO
 
+import numpy as np
 import trimesh
+
+from helpers.gltf import add_array, picture_uri, uri
 
 PLY_HEADER = """ply
 format ascii 1.0
@@ -39,8 +40,7 @@ def embedded_gltf(scene) -> dict:
     files = scene.export(file_type="gltf")
     tree = json.loads(files["model.gltf"])
     for buffer in tree["buffers"]:
-        data = base64.b64encode(files[buffer["uri"]]).decode()
-        buffer["uri"] = f"data:application/octet-stream;base64,{data}"
+        buffer["uri"] = uri(files[buffer["uri"]], "application/octet-stream")
     return tree
 
 
@@ -58,21 +58,11 @@ def gltf_with(change=lambda tree, primitive: None) -> bytes:
 
 def rich_gltf() -> bytes:
     """Return a glTF box with a texture of one texel, a light of each kind and a camera."""
-    from PIL import Image
-
-    picture, uv = BytesIO(), struct.pack("<16f", *(k / 16 for k in range(16)))
-    Image.new("RGB", (1, 1), "red").save(picture, "png")
-
-    def uri(data):
-        return "data:;base64," + base64.b64encode(data).decode()
 
     def change(tree, primitive):
-        tree["buffers"].append({"uri": uri(uv), "byteLength": len(uv)})
-        tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(uv)})
-        view = len(tree["bufferViews"]) - 1
-        tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 8, "type": "VEC2"})
-        primitive["attributes"]["TEXCOORD_0"], primitive["material"] = len(tree["accessors"]) - 1, 0
-        tree["images"], tree["textures"] = [{"uri": uri(picture.getvalue())}], [{"source": 0, "sampler": 0}]
+        primitive["attributes"]["TEXCOORD_0"] = add_array(tree, np.arange(16, dtype="<f4").reshape(8, 2) / 16)
+        primitive["material"] = 0
+        tree["images"], tree["textures"] = [{"uri": picture_uri([[(255, 0, 0)]])}], [{"source": 0, "sampler": 0}]
         tree["samplers"] = [{"wrapS": 33071, "magFilter": 9729, "minFilter": 9729}]
         surface = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5]}
         tree["materials"] = [{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness": surface}]

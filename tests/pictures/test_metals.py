@@ -1,14 +1,10 @@
 """Metals: their F0 follows the base colour, how metallic and rough they are a texture, at every sample."""
 
-import base64
-import io
-import json
-
 import numpy as np
 import pytest
 from helpers.against_reference import assert_matches_reference
+from helpers.gltf import file_of, picture_uri
 from helpers.pinhole import SHADINGS, octasphere
-from PIL import Image
 
 import rasterizer as rz
 from rasterizer.scene.color import linear_from_srgb_bytes
@@ -79,19 +75,6 @@ def test_many_metals_are_drawn_as_the_reference_draws_them():
     check_random_metals(range(9, 300))
 
 
-def buffers_of(*arrays):
-    """Buffers, their views and accessors of a glTF file."""
-    buffers, accessors = [], []
-    for k, array in enumerate(arrays):
-        data = base64.b64encode(array.tobytes()).decode()
-        buffers.append({"uri": f"data:;base64,{data}", "byteLength": array.nbytes})
-        component = 5125 if array.dtype == np.uint32 else 5126
-        shape = {1: "SCALAR", 2: "VEC2", 3: "VEC3"}[1 if array.ndim == 1 else array.shape[1]]
-        accessors.append({"bufferView": k, "componentType": component, "count": len(array), "type": shape})
-    views = [{"buffer": k, "byteLength": buffer["byteLength"]} for k, buffer in enumerate(buffers)]
-    return {"buffers": buffers, "bufferViews": views, "accessors": accessors}
-
-
 def patches(rng):
     """Four rows of four patches of a ball; each is one texel, of which textures know nothing at its borders."""
     positions, uv, faces = [], [], []
@@ -116,20 +99,11 @@ def gltf_of(positions, faces, attributes, materials, images=()) -> bytes:
         {"attributes": {name: k for k, name in enumerate(names)}, "indices": len(names) + k, "material": k}
         for k in range(len(faces))
     ]
-    tree = {
-        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": primitives}], "materials": materials, **buffers_of(*arrays),
-    }  # fmt: skip
-    if images:
-        streams = [io.BytesIO() for _ in images]
-        for image, stream in zip(images, streams, strict=True):
-            Image.fromarray(image).save(stream, "png")
-        uris = ["data:image/png;base64," + base64.b64encode(stream.getvalue()).decode() for stream in streams]
-        tree |= {
-            "images": [{"uri": uri} for uri in uris], "samplers": [{"magFilter": 9728, "minFilter": 9728}],
-            "textures": [{"source": k, "sampler": 0} for k in range(len(uris))],
-        }  # fmt: skip
-    return json.dumps(tree).encode()
+    return file_of(
+        arrays, *primitives, materials=materials, samplers=[{"magFilter": 9728, "minFilter": 9728}],
+        images=[{"uri": picture_uri(image)} for image in images],
+        textures=[{"source": k, "sampler": 0} for k in range(len(images))],
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
