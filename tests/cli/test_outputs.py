@@ -369,7 +369,7 @@ def test_a_signal_while_writing_leaves_nothing(folder, alone):
         "sys.argv[1:] = ['render', sys.argv[1], '-s', '16', '-o', 'x.png', '--preset', 'studio']\n"
         "sys.exit(main())"
     )
-    end_once_it_says_now(code, signal.SIGTERM)
+    end_once_it_says_now(code)
     assert not os.listdir(folder)
 
 

@@ -340,7 +340,7 @@ def test_words_that_contradict_each_other_or_are_not_legal():
         ({"camera": rz.Camera.perspective((1, 2, 3)), "fov": 3}, "given camera, fov"),
         ({"camera": 3}, 'camera must be a Camera, "file", "frame", a path or None; given 3'),
         ({"camera": "none.json"}, "none.json: no such file"),
-        ({"camera": TORUS}, "unknown format 'glb' of a scene file; readable are json"),
+        ({"camera": TORUS}, "unknown format 'obj' of a scene file; readable are json"),
         ({"camera": ""}, "a path or None; given ''"),
         ({"allow_outside": "yes"}, "allow_outside must be True or False; given 'yes'"),
         ({"depth_cue": np.float32(-2)}, "the depth cue's scale must be above 0; given"),

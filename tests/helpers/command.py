@@ -1,7 +1,6 @@
 """The command line, run in this process or as the program itself: help for its tests."""
 
 import os
-import signal
 import subprocess
 import sys
 
@@ -61,28 +60,16 @@ def start(*argv, cwd=None, variables=(), **options):
     return subprocess.run(command, capture_output=True, env=environment, cwd=cwd, **options)
 
 
-def start_with(code) -> subprocess.Popen:
-    """Start a program in Python, with the cube's file as its argument and its output in pipes."""
-    return subprocess.Popen(
-        [sys.executable, "-c", code, CUBE],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-
-
-def end_by_signal(process, number):
-    """Send a signal; the process must end with its exit code, and without a traceback."""
-    process.send_signal(number)
-    _, err = process.communicate(timeout=20)
-    assert process.returncode == (143 if number == signal.SIGTERM else 130) and b"Traceback" not in err
-
-
-def end_once_it_says_now(code, number):
-    """Start a program in Python and send it a signal when it has printed "now": it must end by that."""
-    process = start_with(code)
+def end_once_it_says_now(code) -> None:
+    """Start a program in Python, with the cube's file as its argument, and terminate it when it has printed "now": it
+    must end with that exit code, and without a traceback."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", code, CUBE]
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout.readline() == b"now\n"
-    end_by_signal(process, number)
+    process.terminate()
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 143 and b"Traceback" not in err
 
 
 def errors(capsys) -> str:
