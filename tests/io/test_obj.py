@@ -155,7 +155,7 @@ def test_a_degenerate_part_stays_so_that_the_others_keep_their_numbers():
 def test_of_many_libraries_the_first_are_looked_for(tmp_path):
     """Half a million letters of names: done at once, or not within the hour."""
     names = "a/" * 250_000, " ".join(f"m{k}" for k in range(50_000)), "a" + " " * 500_000 + "b"
-    (tmp_path / "a.obj").write_text("".join(f"mtllib {name}\n" for name in names) + POINTS + "f 1 2 3\n")
+    (tmp_path / "a.obj").write_text("".join(f"mtllib {name}\n" for name in names) + POINTS + "usemtl x\nf 1 2 3\n")
     with pytest.warns(UserWarning, match="names .* material files; the first 256"):
         assert load(tmp_path / "a.obj").n_face == 1
 
