@@ -95,6 +95,8 @@ def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
         for tolerance in (0, DEFAULT_TOLERANCE):
             budget = max(EXACTLY, tolerance)
             assert_matches_reference(grey, (48, 20), budget, shading=shading, tolerance=tolerance, ignored=0.01)
+    meshes = [rz.Mesh(*BALL, material=GREY, colors=np.full((18, 3), color)) for color in (CLAY, 0.5)]
+    assert plan_of(rz.Scene(meshes, GREY_LIGHTS)).n_channel == 3, "the grey mesh has the material of the other one"
 
 
 palette = st.sampled_from([(0.0,) * 3, (0.5,) * 3, (0.2,) * 3, CLAY, (0.4, 0.2, 0.1), (0, 0.3, 0), (0.1, 0.2, 0.8)])
