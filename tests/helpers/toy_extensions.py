@@ -5,7 +5,6 @@ slab        parallel rays that are strongest in a plane across them: strength 1/
 minnaert    D = (N·L)² N·V, Minnaert 1941 with k = 2, as of the moon near full; and a highlight N·L N·V
 """
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -84,9 +83,3 @@ def add_slab():
 def add_minnaert():
     """Register the reflection model."""
     return registries.add_reflection("minnaert", Minnaert)
-
-
-def slab_strength(points, position, direction, width):
-    """What arrives of a slab light of the world at points (n, 3), by hand."""
-    direction = np.asarray(direction, float) / math.hypot(*direction)
-    return 1.0 / (1.0 + (((points - np.asarray(position)) @ direction) / width) ** 2)
