@@ -7,11 +7,10 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from faults.faults import FAULTS, HELD_OUT
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from bench import fuzz, paths, peers
+from bench import fuzz, peers
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 PAIR = [*QUICK, "--pairs", "1", "--threads", "1"]
@@ -30,6 +29,7 @@ RUNS = [
     ("tolerance", "cube --size 40x30 --shadings gouraud --tolerances 0 1/256", QUICK, 3),
     ("choices", "cube --size 32x24 --seconds 2", [], 30),
     ("refinement", "plane --quads 4 8 --finest 16 --size 64 --seconds 0.1", [], 6),
+    ("hard_cases", "--small --only slivers", [], 1),
     ("peers", "--cases specks --model torus --size 96x72", PAIR, 10),
 ]
 
@@ -92,14 +92,3 @@ def test_a_peer_draws_the_same(tmp_path, capsys):
     if code and "can't draw it" in out:
         pytest.skip(out.splitlines()[-1])
     assert code == 0 and len(list(tmp_path.glob("*.png"))) == len(peers.CASES), out
-
-
-# ---------------------------------------------------------------- what measurements stand on
-
-
-def test_what_paths_and_faults_put_in_the_place_of_lines_finds_these_lines():
-    assert set(paths.TOLD) <= {path.name for path in paths.PATHS}
-    edits = [(path.name, file, before) for path in paths.PATHS for file, before, _ in path.edits]
-    edits += [(fault.what, fault.file, fault.before) for fault in (*FAULTS, *HELD_OUT)]
-    counts = {edit: (ROOT / "rasterizer" / edit[1]).read_text(encoding="utf-8").count(edit[2]) for edit in edits}
-    assert {edit: count for edit, count in counts.items() if count != 1} == {}

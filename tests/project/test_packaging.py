@@ -81,14 +81,6 @@ def files_of(folder) -> set[str]:
     return {path for path in found if "__pycache__" not in path and not re.search(r"\.(kernel|pyc)$", path)}
 
 
-def modules_of_extras() -> list[str]:
-    """The names by which the packages of all extras are imported, but for those that README's test command installs."""
-    extras = setup_cfg()["options.extras_require"]
-    needed = {name: set(re.findall(r"^[\w-]+", lines, re.MULTILINE)) for name, lines in extras.items()}
-    names = set.union(*needed.values()) - needed["test"] - {"scanline-rasterizer"}
-    return sorted(name.replace("-", "_") for name in names)
-
-
 def test_archives_hold_what_they_should_and_nothing_else(built):
     """Of the source all that tests and pages need; of the package its code, types, demonstration and viewer."""
     archive, unpacked, wheel = built
@@ -102,19 +94,6 @@ def test_archives_hold_what_they_should_and_nothing_else(built):
     pages = {name for name in files_of("rasterizer") if name.endswith(".md")}
     assert in_wheel == files_of("rasterizer") - pages
     assert {f"rasterizer/{name}" for name in ("py.typed", "__init__.pyi", "demo/still_life.obj")} <= in_wheel
-
-
-@pytest.mark.nightly  # all tests are imported
-def test_the_tests_of_the_source_archive_can_be_collected(built):
-    _, unpacked, _ = built
-    # A module that skips itself where an extra is missing would drop out here: its tests must skip themselves.
-    hidden = dict.fromkeys(modules_of_extras())
-    code = f"import sys, pytest; sys.modules.update({hidden}); sys.exit(pytest.main(sys.argv[1:]))"
-    told = run(
-        [sys.executable, "-c", code, "--collect-only", "-q", "-n", "0", "-m", "", "-p", "no:cacheprovider"], unpacked
-    )
-    counts = dict(re.findall(r"^(tests/[\w/]+\.py): (\d+)$", told, re.MULTILINE))
-    assert counts.keys() == {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")}
 
 
 @pytest.fixture(scope="module")
