@@ -417,3 +417,12 @@ def test_neither_threads_nor_earlier_pictures_matter():
                 frame = renderer.render(cameras[k])
                 assert frame.color.tobytes() == alone.color.tobytes(), f"{shading}, {threads} threads, camera {k}"
                 assert frame.rgba.tobytes() == alone.rgba.tobytes(), f"{shading}, {threads} threads, camera {k}"
+
+
+def test_too_many_maps_are_refused():
+    """2^28 texels of all maps: no memory is asked for before."""
+    room, sun = rz.Mesh(box((-4,) * 3, (4,) * 3), BOX_FACES), rz.DirectionalLight((0, 0, -1), shadow=FINE)
+    lamps = [rz.PointLight((0, 0, 0), shadow=Shadow(size)) for size in (8192, 6688)]
+    for lights in ([lamps[0]], [sun, lamps[1]]):  # the lamp of 6 * 6688^2 texels would have room alone
+        with pytest.raises(rz.SceneError, match="may have 268435456 texels; .*smaller shadow size, or fewer cells"):
+            rz.render(rz.Scene([room], lights), 16, shading="phong", samples=1)
