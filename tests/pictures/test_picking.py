@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.small_scenes import cube, floor, scene_of
+from helpers.pixels import skewed
+from helpers.small_scenes import cube, drawn, floor, scene_of
 
 import rasterizer as rz
 from rasterizer.choices import BUFFERS
@@ -57,6 +58,19 @@ def test_every_way_to_pick_gives_what_the_buffers_say(scene, shading, cull, came
             assert (found.uv is None) == (mesh.uv is None)
             assert {type(value) for value in (*found.normal, *found.barycentric, found.depth)} == {float}
     assert 10 < n_seen < len(pixels())
+
+
+def test_what_is_picked_lies_below_the_pointer():
+    """Also through a camera with skew: OpenCV's formula places it there."""
+    scene, _ = drawn()["many lights"]
+    scene = replace(scene, camera=skewed(scene.camera_for(SIZE), SIZE, 0.7))
+    frame = rz.render(scene, SIZE, outputs=PICKED)
+    K, R, t = scene.camera.to_opencv(SIZE)
+    found = [picked for x, y in pixels() if (picked := frame.pick(x, y))]
+    assert len(found) > 10
+    for picked in found:
+        u, v, w = K @ (R @ picked.position + t)
+        assert np.abs((u / w - picked.x, v / w - picked.y)).max() <= 1 / 512 + 1e-4
 
 
 def test_another_camera_picks_another_surface(scene):
