@@ -14,6 +14,7 @@ from helpers.pairs import pairs
 from helpers.pinhole import octasphere
 
 import rasterizer as rz
+from rasterizer.engine.draw import choose_band_rows
 
 SIZE = (52, 44)
 BALL = octasphere(1)
@@ -121,6 +122,7 @@ def test_each_surface_is_within_the_bound_of_the_picture(name, way):
 def assert_same_in_all_bands(scene, message, size=SIZE, **options):
     """Refuse a picture that other threads change: with their number, bands become lower."""
     options |= {"outputs": ("color", "rgb")}
+    assert choose_band_rows(*size, 2, 1) < choose_band_rows(*size, 1, 1)
     expected = rz.render(scene, size, threads=1, **options)
     is_clear = all(material.opacity == 0 for mesh in scene.meshes for material in mesh.palette)
     assert expected.alpha.any() != is_clear, f"{message}: nothing is seen, or what is not there"

@@ -123,14 +123,15 @@ def test_a_pickled_renderer_is_one_of_the_same_scene_and_options(kind):
 
 
 def test_nothing_runs_on_after_an_error(alone):
-    """Neither when an item fails nor when the caller is interrupted while it waits."""
+    """Neither when an item fails nor when the caller is interrupted while it waits, which counts more than an error."""
     workers = Workers(3)
     for fault in (ValueError, KeyboardInterrupt):
         running, done = threading.Semaphore(0), []
 
         def work(item, running=running, done=done, fault=fault):
-            if item == 1:
-                raise fault
+            if item < 2:
+                time.sleep(0.01 * (item == 0))
+                raise (fault, ValueError)[item]
             running.release()
             time.sleep(0.01)
             done.append(item)

@@ -248,19 +248,6 @@ def test_opacity_0_shows_nothing_and_1_hides_all():
         assert np.abs(hidden.color - (0.3, 0.2, 0.1)).max() < 1e-6 and (hidden.alpha == 1).all(), shading
 
 
-def test_the_opacity_of_next_to_nothing_keeps_its_digits():
-    """1 - (1 - a) would be 0, or anything; 1 / a infinite."""
-    for opacity in (1e-4, 1e-7, 1e-12, 1e-30):
-        for tolerance in (0, 1 / 4096):
-            glass = paint((0.9, 0.3, 0.2), opacity)
-            frame = show([pane(2.0, glass), pane(3.0, glass)], tolerance=tolerance)
-            off = np.abs(frame.alpha / (2 * opacity - opacity**2) - 1).max(), np.abs(frame.color - glass.ambient).max()
-            assert max(off) < 1e-6, f"opacity {opacity}: alpha off by {off[0]:.3g} of it, colour by {off[1]:.3g} > 1e-6"
-    assert (
-        np.abs(show([pane(2.0, paint((0.9, 0.3, 0.2), 1e-320))]).color - (0.9, 0.3, 0.2)).max() < 1e-3
-    )  # three digits
-
-
 # ---------------------------------------------------------------- what else opacity meets
 
 
@@ -279,27 +266,6 @@ def test_the_alpha_of_a_texture_multiplies_the_opacity():
             assert np.abs(show(meshes, shading).color - expected).max() < 1e-6, shading
         twice = show([further, mesh], shading).alpha
         assert np.abs(twice - (1 - (1 - alpha) ** 2)).max() < 1e-6, f"{shading}, two behind each other"
-
-
-# ---------------------------------------------------------------- opaque surfaces behind and beside
-
-
-def test_a_pane_in_a_corner_leaves_all_other_pixels_bit_for_bit():
-    """Rows that it shares with the model are in its bands; its columns are none of the model's. Beside the picture it
-    counts for the plan and is not seen."""
-    seen = np.zeros(SIZE[::-1], bool)
-    seen[24 - 11 : 24 - 4, 32 + 20 : 32 + 29] = seen[24 - 12 : 24, 32 - 30 : 32 - 24] = True
-    glasses = (paint(0.4, 0.5), paint((0.2, 0.5, 0.7), 0.3), paint(0.4, 0.5, texture=rz.Texture(TEXELS)))
-    for look, shading, samples, glass in pairs(look=tuple(LOOKS), shading=SHADINGS, samples=(1, 4), glass=glasses):
-        case = f"{look}, {shading}, {samples} samples, {glass}"
-        expected, frame = (
-            show([ball(LOOKS[look]), quad(20 + x, 4, 9, 7, 50.0, glass), quad(-30 + x, 0, 6, 12, 5.0, glass)],
-                 shading, LIT, samples=samples, tolerance=1 / 4096)
-            for x in (200, 0)
-        )  # fmt: skip
-        assert not expected.alpha[seen].all() and (frame.alpha[seen] > 0).all(), case
-        assert (frame.alpha[seen & (expected.alpha == 0)] < 1).all(), case
-        assert_same_bytes(frame, expected, case, ~seen)
 
 
 # ---------------------------------------------------------------- against the reference
