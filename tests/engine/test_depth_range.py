@@ -141,3 +141,19 @@ def test_nothing_before_the_camera_is_cut_however_large_the_scene_or_no_bound_is
             frame = rz.render(rz.Scene([lost, far], LIGHTS, camera), (61, 48), outputs=outputs)
     near = rz.render(rz.Scene([through, far], LIGHTS, replace(camera, near=1.0)), (61, 48), cull="none")
     assert near.stats.error_bound is not None, "what the user's own plane cuts is no news"
+
+
+def test_a_square_across_the_view_has_one_depth():
+    """Also where there is no range of depths, and where the one depth is 0: zeros don't tell which kind it is."""
+    white, corners = rz.Material(diffuse=0.8, specular=0.0), [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]
+    square = rz.Mesh(corners, [[0, 1, 2], [0, 2, 3]], material=white)
+    lamp = rz.PointLight((0.3, 0.2, 1.0), 1.0, attenuation=(0, 0, 1))
+    for away in (0.0, 2.0**-30, 1.0, 7.0):
+        parallel = rz.Camera.orthographic((0, 0, away), (0, 0, away - 1), height=3.0)
+        for camera in (parallel, rz.Camera.perspective((0, 0, max(away, 2.0**-10)), (0, 0, -1), fov=60)):
+            scene = rz.Scene(square, lamp, camera)
+            frame = rz.render(scene, (48, 32), shading="phong", threads=1, outputs=("color", "depth"), samples=1)
+            exact = reference.render(scene, (48, 32), shading="phong")
+            assert np.ptp(exact.color) > (0.1 if away > 0.5 or camera is parallel else 0.0)
+            error, bound = np.abs(frame.color - exact.color).max(), frame.stats.error_bound + 1e-7
+            assert frame.stats.plan.dtype == "float32" and error <= bound, f"depth {away}: {error:.3g} > {bound:.3g}"

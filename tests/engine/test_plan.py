@@ -1,19 +1,24 @@
-"""Check what the plan finds out about a scene: channels, number formats, the way of attributes, codings."""
+"""Check what the plan finds out about a scene: channels, number formats, what it says in words, and bands."""
 
+import pickle
 from itertools import cycle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers.against_reference import EXACT as EXACTLY
 from helpers.against_reference import assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere
+from helpers.stages import SERIAL, drawables_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
+from rasterizer.engine.draw import cull
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE, Options
+from rasterizer.pipeline.visibility import MAX_SETUPS
 
 BALL = octasphere(1)
 CLAY = (0.8, 0.4, 0.2)
@@ -123,3 +128,69 @@ def test_no_intensity_is_above_the_bound():
         most = rz.render(scene, (48, 32), shading=shading, tolerance=0, samples=1).color.max()
         bound = plan_of(scene, shading=shading).bound
         assert 0 < most <= bound, f"{name}, {shading}: {most:.4g} > the bound {bound:.4g}"
+
+
+# ---------------------------------------------------------------- the plan in words
+
+SPHERE = rz.Mesh(*octasphere(3), crease_angle=180)
+KEY = rz.DirectionalLight((0.2, -0.3, -1))
+CAMERA = rz.Camera.perspective((0, 0, 4), fov=40)
+
+
+def summary_of(mesh=SPHERE, lights=(KEY,), **options):
+    frame = rz.render(rz.Scene([mesh], lights, CAMERA), (64, 48), **{"samples": 1} | options)
+    return frame.stats.plan
+
+
+def test_a_plan_names_the_features_that_a_scene_uses():
+    image = np.full((2, 2, 3), 0.5)
+    material = rz.Material(reflection="cook-torrance", texture=rz.Texture(image), opacity=0.5)
+    mesh = rz.Mesh(*octasphere(2), uv=np.zeros((66, 2)), material=material)
+    lights = (rz.SpotLight((0, 0, 4), (0, 0, -1), outer=30, shadow=True), rz.AmbientLight(0.2))
+    plan = summary_of(mesh, lights, shading="phong")
+    assert plan.features == ("textures", "shadows", "transparency") and plan.dtype == "float32"
+    assert plan.reasons == () and plan.materials == 1 and plan.doubles == 0
+    assert "float32" in repr(plan) and "textures" in repr(plan) and "shadows" in repr(plan)
+    plan = rz.render(scene_of([GREY, DULL], GREY_LIGHTS), (48, 32), samples=1).stats.plan
+    assert plan.materials == 2 and plan.doubles == 1, "float64 is for the material that needs it alone"
+
+
+def test_a_renderer_tells_its_plan_before_and_after_a_picture():
+    with rz.Renderer(rz.Scene([SPHERE], [KEY], CAMERA), (64, 48), samples=1, shading="gouraud") as renderer:
+        assert renderer.plan.paths is None and renderer.plan.dtype == "float32"
+        frame = renderer.render()
+        assert renderer.plan == frame.stats.plan and renderer.plan.paths is not None
+    assert pickle.loads(pickle.dumps(frame.stats.plan)) == frame.stats.plan
+
+
+def test_a_plan_counts_the_lights():
+    plan = summary_of(lights=(KEY, rz.DirectionalLight((0, 0, -1), 0), rz.AmbientLight(0.1)))
+    assert plan.left_out == 1 and "left out: 1 light that" in repr(plan)
+    assert plan.lights == 1 and "1 light" in repr(plan)
+    assert summary_of().left_out == 0 and "left out" not in repr(summary_of())
+
+
+# ---------------------------------------------------------------- bands
+
+
+def test_too_many_triangles_for_a_band_make_it_lower():
+    """Setup numbers are limited: bands are halved until they suffice; one row of pixels must do."""
+    rng, (width, height), n, factor = np.random.default_rng(3), (64, 44), 900, 2
+    corners = rng.uniform(0, (width - 8, height - 8), (n, 1, 2)) + np.array([(0, 0), (6, 0), (0, 6)])
+    drawables = drawables_of(np.rint(256 * corners), np.full((n, 3), 2.0**30), np.zeros((1, n, 3, 1), np.float32))
+
+    def bands_of(limit):
+        as_pass = SimpleNamespace(
+            n_sample=(width, height), factor=factor, sample_time=4, hidden_sides=None,
+            units_per_setup=MAX_SETUPS // limit, opacity=None,
+        )  # fmt: skip
+        lists, n_row = cull(drawables.triangles, drawables.vertices, as_pass, SERIAL)
+        return n_row, np.diff(lists.starts)
+
+    whole, n_in_band = bands_of(n)
+    assert whole == height and n_in_band.tolist() == [n]
+    n_row, n_in_band = bands_of(400)
+    assert n_row < height and n_row % factor == 0 and n_in_band.max() <= 400, f"{n_row} rows: {n_in_band.max()} > 400"
+    assert bands_of(2 * n_in_band.max())[0] >= n_row, "lower than they need be"
+    with pytest.raises(rz.SceneError, match="polygons meet one row of pixels; legal are 20: draw a larger picture"):
+        bands_of(20)

@@ -1,7 +1,11 @@
-"""Check a Renderer over many pictures: the same bytes as fresh ones, no memory, no side effects."""
+"""Check a Renderer over many pictures: the same bytes as fresh ones, no memory, no side effects; arrays that are
+given, and what buffers hold of surfaces."""
 
+import gc
 import hashlib
+import itertools
 import threading
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +13,13 @@ import pytest
 from helpers.arrays import differences
 from helpers.pinhole import octasphere, torus
 from helpers.processes import at_once
-from helpers.raster import COLORED, GREY
+from helpers.raster import COLORED, GREY, ROOT
+from helpers.small_scenes import cube, drawn, floor
+from helpers.small_scenes import scene_of as small_scene
 
 import rasterizer as rz
+from bench import scale
+from rasterizer.choices import BUFFERS
 
 SIZE = (37, 29)
 ALL = ("color", "rgb", "depth", "face", "normal")
@@ -169,3 +177,125 @@ def test_a_closed_renderer_says_so():
             renderer.render()
         with pytest.raises(rz.SceneError, match="closed"):
             renderer.render()
+
+
+# ---------------------------------------------------------------- into arrays that are given
+
+LAMPS = (*COLORED, rz.PointLight((1, 1, 2), 2.0))  # too bright, so that the range is left
+RING = rz.Scene([rz.Mesh(*torus(12, 8))], LAMPS, rz.Camera.perspective((1.5, 2, 4), fov=40))
+
+
+def test_a_picture_is_drawn_into_the_array_that_is_given():
+    for outputs, color_range in (
+        ("rgb", "clamp"),
+        ("rgb", "global"),
+        (("color", "depth"), "clamp"),
+        ("color", "global"),
+    ):
+        out = np.full((SIZE[1], SIZE[0], 4), 77, np.uint8)
+        options = {"outputs": outputs, "color_range": color_range, "samples": 1}
+        frame, expected = rz.render(RING, SIZE, out=out, **options), rz.render(RING, SIZE, **options).rgba
+        assert np.shares_memory(frame.rgba, out) and np.array_equal(out, expected), options
+        with rz.Renderer(RING, SIZE, **options) as renderer:
+            for _ in range(2):
+                assert np.array_equal(renderer.render(out=out).rgba, expected), options
+
+
+ROOM = np.zeros((SIZE[1], SIZE[0], 4), np.uint8)
+READ_ONLY = ROOM.copy()
+READ_ONLY.flags.writeable = False
+
+
+def test_arrays_that_do_not_fit():
+    aside = np.zeros(ROOM.size + 1, np.uint8)[1:].reshape(ROOM.shape)
+    for out in (ROOM[:-1], ROOM[..., :3], ROOM.astype(np.float32), ROOM[::-1], ROOM.tolist(), READ_ONLY, aside):
+        with pytest.raises(rz.SceneError, match=r"out must be a writable array \(29, 37, 4\) of uint8"):
+            rz.render(RING, SIZE, out=out, samples=1)
+
+
+def test_an_array_takes_a_picture_only():
+    with pytest.raises(rz.SceneError, match="out takes a picture"):
+        rz.render(RING, SIZE, outputs="depth", out=ROOM)
+
+
+# ---------------------------------------------------------------- memory stays flat
+
+PICTURES = 60  # bench/scale.py --many 10000 measures the same over a night's work
+
+
+@pytest.mark.nightly  # many pictures, so that a leak stands out from noise
+def test_pictures_of_all_kinds_leave_nothing_behind():
+    """5 MB over 10 000 pictures are 500 bytes a picture; what leaks at all leaks an array of some kilobytes.
+
+    Python's and numpy's own allocations are counted, which doesn't depend on what the system gives back.
+    """
+    list(scale.draw_many(16, 1))  # what is kept once: kernels, tables, imports
+    gc.collect()
+    tracemalloc.start()
+    try:
+        list(scale.draw_many(8, 1))
+        gc.collect()
+        before = tracemalloc.get_traced_memory()[0]
+        list(scale.draw_many(PICTURES, 1))
+        gc.collect()
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert grown < 500 * PICTURES, f"{grown} bytes more after {PICTURES} pictures > {500 * PICTURES}"
+
+
+def test_one_renderer_holds_no_more_after_many_pictures():
+    """What leaks at all leaks an array of some kilobytes in every round; what is made once, by chance, in one of them.
+
+    Python's and numpy's own allocations are counted.
+    """
+    mesh = rz.load(ROOT / "models" / "cube.obj").meshes[0]
+    cameras = rz.Camera.orbit(mesh, 10, size=(48, 32))
+    with rz.Renderer(mesh, (48, 32), outputs=("rgb", "depth"), threads=2) as renderer:
+        held = []
+        for _ in range(6):
+            for camera in cameras:
+                renderer.render(camera)
+            if not held:
+                tracemalloc.start()
+            gc.collect()
+            held.append(tracemalloc.get_traced_memory()[0])
+        tracemalloc.stop()
+    grown = min(after - before for before, after in itertools.pairwise(held[1:]))
+    assert grown < 500 * 10, f"at least {grown} bytes more after each 10 pictures > 5000"
+
+
+# ---------------------------------------------------------------- buffers of surfaces
+
+
+def two_palettes() -> rz.Scene:
+    """Two meshes, faces of several materials, one of which both meshes have."""
+    gold, red = rz.Material.named("gold"), rz.Material(diffuse="red")
+    box = cube()
+    mixed = replace(box, face_material=np.arange(box.n_face) % 2, materials=(gold, red))
+    ball = rz.Mesh(*octasphere(2), material=red).transformed(np.diag((0.8, 0.8, 0.8, 1.0)) + 1.5 * np.eye(4, k=3))
+    return small_scene(mixed, ball, floor(diffuse="navy"))
+
+
+def test_materials_are_numbered_as_the_scene_lists_them():
+    scene = two_palettes()
+    frame = rz.render(scene, (60, 44), outputs=("material", "object"))
+    assert [material.name for material in scene.materials][:1] == ["gold"] and len(scene.materials) == 3
+    assert set(np.unique(frame.material[frame.object == 1])) == {1}  # red is that of the first mesh, too
+    assert set(np.unique(frame.material[frame.object == 0])) == {0, 1}
+    assert set(np.unique(frame.material[frame.object == 2])) == {2}
+
+
+def test_an_empty_view_has_empty_buffers():
+    scene = replace(drawn()["a file"][0], camera=rz.Camera.perspective((0, 0, 9), (0, 0, 20)))
+    frame = rz.render(scene, 8, outputs=BUFFERS)
+    assert not differences(frame.mask, 0) and not differences(frame.object, -1) and not differences(frame.material, -1)
+    for name in ("uv", "barycentric", "position", "position_camera"):
+        assert np.isnan(frame.array(name)).all(), name
+    assert not differences(frame.normal_camera, 0) and not differences(np.signbit(frame.normal_camera), 0)
+
+
+def test_culled_faces_are_in_no_buffer():
+    scene = small_scene(floor(), camera=rz.Camera.perspective((0, -5, 0.1), (0, 0, 0)))
+    assert rz.render(scene, 8, outputs="mask").mask.any()
+    assert not differences(rz.render(scene, 8, outputs="mask", cull="back").mask, 0)

@@ -13,8 +13,8 @@ from rasterizer.engine.texture_tables import make_textures
 from rasterizer.pipeline import texcoords as b
 from rasterizer.pipeline import textures as laying
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.texcoords import compute_texcoords
-from rasterizer.pipeline.texture_lookup import read_texels
+from rasterizer.pipeline.texcoords import compute_texcoords, fixed_point
+from rasterizer.pipeline.texture_lookup import product_of, read_texels
 from rasterizer.pipeline.textures import texcoord_error, texcoord_references
 from rasterizer.pipeline.visibility import LANES
 from rasterizer.reference.textures import sample_texture
@@ -210,3 +210,10 @@ def test_a_sample_does_not_depend_on_its_neighbours():
             assert (out[:, -(-n // LANES) * LANES :] == 7).all() and (out[:, :n] != 7).all(), f"{filter}, {n} samples"
             found.append(out[:, :n].tobytes())
         assert found[0] == found[1], f"{filter}, {n} samples: without the compiler, something else is found"
+
+
+def test_the_border_of_two_texels_belongs_to_the_second_one():
+    for n in (1, 2, 3, 5, 7, 10, 640, 1000, 4095, 12345, 16384):
+        for k in range(0, n, max(1, n // 50)):
+            column = product_of(fixed_point(k / n), np.int32(n))[0] >> 16
+            assert column == k, f"the border before texel {k} of {n} lies in {column}"

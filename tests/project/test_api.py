@@ -1,11 +1,17 @@
-"""The public names: complete, lazily imported, with the same options everywhere; and what editors see of them."""
+"""The public names: complete, lazily imported, with the same options everywhere; what editors see of them; and what
+they load and warn of."""
 
 import inspect
+import json
 import re
-from dataclasses import fields
+import subprocess
+import sys
+import warnings
+from dataclasses import fields, replace
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 from project import make_words
 
@@ -77,3 +83,93 @@ def test_the_typed_example_runs(tmp_path):
     exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), home)
     made = home["draw_pictures"](tmp_path)
     assert [path for path in made if not path.exists()] == [] and len(made) == 3
+
+
+# ---------------------------------------------------------------- a lean start
+
+HELP = "from rasterizer.cli import main\ntry:\n    main({})\nexcept SystemExit:\n    pass"
+HEAVY = {"numpy", "numba", "llvmlite", "PIL", "trimesh"}
+
+
+def modules_after(code: str) -> set[str]:
+    """Return the modules that a process of its own has loaded when it has run some lines, without its own at start."""
+    lines = f"import sys; before = set(sys.modules)\n{code}\nprint(*sorted(set(sys.modules) - before))"
+    done = subprocess.run([sys.executable, "-I", "-c", lines], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def own_among(modules) -> set[str]:
+    """Return the names of the package's own modules below the package, folders themselves left out."""
+    names = {name.removeprefix("rasterizer.") for name in modules if name.startswith("rasterizer.")}
+    return {name for name in names if not any(other.startswith(f"{name}.") for other in names)}
+
+
+def test_importing_the_package_and_asking_for_help_load_next_to_nothing():
+    modules = modules_after("import rasterizer")
+    assert own_among(modules) == set()
+    strangers = {name for name in modules if not name.startswith(("rasterizer", "_", "importlib", "warnings"))}
+    assert not strangers, f"importing the package loads {strangers}"
+    modules = modules_after(HELP.format(["--help"]))
+    assert own_among(modules) <= {
+        "cli.messages",
+        "cli.parser",
+        "errors",
+    }
+    assert not modules & {*HEAVY, "dataclasses", "inspect", "typing", "logging", "pathlib"}
+    modules = modules_after(HELP.format(["render", "--help"]) + "\nimport rasterizer.options")
+    assert not modules & {*HEAVY, "logging"}, "flags need no arrays"
+    unasked = [name for name in own_among(modules) if name.startswith(("engine", "pipeline", "geometry", "reference"))]
+    assert not unasked
+
+
+# ---------------------------------------------------------------- warnings point at the line that led to them
+
+BOW = np.array([[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 2, 0]], float)  # a polygon that crosses itself
+OBJ = b"mtllib none.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def quiet_bow():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return rz.Mesh(BOW, [[0, 1, 2, 3]])
+
+
+def doors(path, scene):
+    """Calls that warn, each on one line of this file."""
+    return {
+        "load": lambda: rz.load(path),
+        "load bytes": lambda: rz.load(OBJ, format="obj"),
+        "render": lambda: rz.render(path, 8),
+        "Renderer": lambda: rz.Renderer(path, 8),
+        "explain": lambda: rz.explain(path, 4, 4, 8),
+        "load a scene file": lambda: rz.load(scene),
+        "Mesh": lambda: rz.Mesh(BOW, [[0, 1, 2, 3]]),
+        "Mesh.from_any": lambda: rz.Mesh.from_any((BOW, [[0, 1, 2, 3]])),
+        "Scene": lambda: rz.Scene((BOW, [[0, 1, 2, 3]])),
+        "render arrays": lambda: rz.render((BOW, [[0, 1, 2, 3]]), 8),
+        "replace": lambda: replace(quiet_bow(), faces=[[0, 1, 2, 3]], polygons=None),
+    }
+
+
+def test_a_warning_points_at_the_line_of_the_call(tmp_path):
+    (tmp_path / "x.obj").write_bytes(OBJ)
+    (tmp_path / "x.json").write_text(json.dumps({"meshes": [{"file": "x.obj"}]}))
+    for name, call in doors(tmp_path / "x.obj", tmp_path / "x.json").items():
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            call()
+        assert caught, f"{name}: nothing was warned of"
+        for warning in caught:
+            assert warning.category is UserWarning, name
+            place = warning.filename, warning.lineno
+            assert place == (__file__, call.__code__.co_firstlineno), f"{name}: {warning.message}"
+
+
+def test_a_program_is_shown_its_own_line(tmp_path):
+    """As Python prints it, without any frame of a test runner above."""
+    (tmp_path / "x.obj").write_bytes(OBJ)
+    program = tmp_path / "program.py"
+    program.write_text("import rasterizer as rz\n\nrz.load('x.obj')\n")
+    done = subprocess.run([sys.executable, program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr.startswith(f"{program}:3: UserWarning: x.obj: material file 'none.mtl' not found")
+    assert "rz.load('x.obj')" in done.stderr
