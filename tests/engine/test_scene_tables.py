@@ -96,3 +96,6 @@ def test_exposure_multiplies_by_powers_of_2_exactly():
             frame, case = exposed(shading, opacity=opacity, exposure=stops), f"{shading}, {opacity}, {stops} stops"
             assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops)), case
             assert np.array_equal(frame.alpha, plain.alpha), case
+    background = (0.2, 0.4, 0.6)
+    over = exposed("flat", background=background, exposure=4).color[0, 0]
+    assert np.abs(over - background).max() < 1e-7, "the background is not exposed"

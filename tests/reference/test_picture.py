@@ -11,6 +11,7 @@ from helpers.arrays import differences
 from helpers.pinhole import (
     QUAD,
     SIZE,
+    WHITE,
     at_pixel,
     draw,
     eye_camera,
@@ -23,26 +24,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.errors import SceneError
-from rasterizer.reference import coverage
+from rasterizer.reference import coverage, render
 from rasterizer.scene.camera import Camera
+from rasterizer.scene.material import Material
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.scene import Scene
 
 HALF_STEP = 0.5 / 256  # px that rounding to the sub-pixel grid may move a vertex, in x and in y
 
 
 # ── coverage ────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def test_coverage_by_hand():
-    # the long edge of both triangles runs through the samples with i + j = 3: it is the left edge of one only
-    i, j = np.meshgrid(np.arange(4), np.arange(4))
-    upper_left = coverage([(0, 0), (1024, 0), (0, 1024)], 4, 4)
-    lower_right = coverage([(1024, 1024), (0, 1024), (1024, 0)], 4, 4)
-    assert not differences(upper_left, i + j < 3)
-    assert not differences(lower_right, i + j >= 3)
-    # a box from sample (0,0) to sample (2,2): top and left samples belong to it, right and bottom ones don't
-    box = [(128, 128), (640, 128), (640, 640), (128, 640)]
-    both = coverage([box[0], box[1], box[2]], 4, 4).astype(int) + coverage([box[0], box[2], box[3]], 4, 4)
-    assert both.tolist() == [[1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
 
 
 def covers(triangle, x, y):
@@ -156,6 +147,23 @@ def test_equal_depth_goes_to_the_lower_face():
         alone = draw(points, split, (8, 8))
         assert not differences(picture.face, alone.face)
         assert picture.margin.max() < 1e-14
+
+
+def test_of_equally_deep_layers_the_lower_face_is_nearer():
+    red, green = np.eye(3)[:2]
+    for first, second, expected in (
+        ((red, 0.5), (green, 0.5), (2 / 3, 1 / 3, 0)),
+        ((green, 0.5), (red, 0.5), (1 / 3, 2 / 3, 0)),
+        ((green, 1.0), (red, 0.5), (0, 1, 0)),
+        ((red, 0.5), (green, 1.0), (0.5, 0.5, 0)),
+    ):
+        panes = [
+            Mesh(layer((8, 8), 2.0), QUAD, material=Material(ambient=color, diffuse=0, specular=0, opacity=opacity))
+            for color, opacity in (first, second)
+        ]
+        picture = render(Scene(panes, lights=WHITE, camera=eye_camera()), (8, 8), shading="gouraud")
+        np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (8, 8, 3)), atol=1e-14)
+        assert picture.face.max() < 2 and not differences(picture.margin, 0)
 
 
 def test_faces_that_cross_meet_on_the_line_of_equal_depth():
