@@ -38,7 +38,7 @@ def area_vectors(mesh):
 
 
 @given(st.lists(st.integers(3, 7), min_size=1, max_size=8), st.randoms(use_true_random=False))
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 def test_fans_of_any_lengths(lengths, random):
     """Of polygons that are convex: corners of a circle, in turn; and of triangles."""
     vertices = np.array([(math.cos(i * 0.7), math.sin(i * 0.7), 1) for i in range(9)])
@@ -233,7 +233,7 @@ MOVED = Mesh(POINTS, RANDOM.permutation(12).reshape(4, 3), normals=RANDOM.normal
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 def test_transformed_normals_stay_perpendicular_and_outside(seed):
     rng = np.random.default_rng(seed)
     vertices = rng.normal(size=(3, 3))
