@@ -68,7 +68,15 @@ def picture_warnings(frame, scene, request, camera, model) -> list[str]:
         if all(_is_black(mesh) for mesh in scene.meshes):
             return [f"{model}: the picture is black: so are its materials or colours; try --color grey"]
         return [f"{model}: the picture is black: no light reaches what is seen; try --preset headlight"]
+    if frame.has("rgb") and _is_white(frame):
+        return [f"{model}: the picture is white: its lights are too bright; try --color-range global, or --exposure -3"]
     return []
+
+
+def _is_white(frame) -> bool:
+    """Tell whether nine of ten pixels of what is seen are white; some of them tell."""
+    rgb, alpha = frame.rgb[::4, ::4], frame.alpha[::4, ::4]
+    return bool((rgb[alpha > 0].min(axis=-1) == 255).mean() > 0.9) if alpha.any() else False
 
 
 def _is_black(mesh) -> bool:

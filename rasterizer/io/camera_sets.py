@@ -39,7 +39,7 @@ _LENS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 _FAULTS = (
     OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, SceneError,
 )  # fmt: skip
-_DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
+_DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2", "is_fisheye")
 
 
 @checked_keywords
@@ -98,7 +98,7 @@ def _of_nerf(said: dict[str, Any], size: Sequence[int] | None) -> Camera:
     """Return the camera of what is said of a picture."""
     if not isinstance(said["file_path"], str):
         raise ValueError(f"file_path must be text; given {shown(said['file_path'])}")
-    if any(said.get(name) for name in _DISTORTION):
+    if said.get("camera_model", "PINHOLE") not in _PLACES or any(said.get(name) for name in _DISTORTION):
         raise ValueError(UNDISTORT)
     width, height = (said["w"], said["h"]) if "w" in said else size or (None, None)
     if width is None:
@@ -158,7 +158,7 @@ def read_colmap(folder: str | os.PathLike[str]) -> dict[str, Camera]:
     place = Path(checked_path(folder, "folder"))
     try:
         lenses = {}
-        for row in _rows(place / "cameras.txt"):
+        for row in filter(str.strip, _rows(place / "cameras.txt")):
             number, model, *words = row.split()
             width, height, *values = _numbers(words)
             if model not in _PLACES or any(values[max(_PLACES[model]) + 1 :]):
@@ -168,7 +168,7 @@ def read_colmap(folder: str | os.PathLike[str]) -> dict[str, Camera]:
             K = _matrix(*(values[place] for place in _PLACES[model]))
             lenses[number] = K, (int(width), int(height))
         found = {}
-        for row in _rows(place / "images.txt")[::2]:
+        for row in filter(str.strip, _rows(place / "images.txt")[::2]):
             _, *pose, number, name = row.split(maxsplit=9)
             w, x, y, z, *t = _numbers(pose)
             length = math.hypot(x, y, z)

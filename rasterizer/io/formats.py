@@ -65,7 +65,7 @@ _BY_CONTENT = (
     (rb"(?s)PK\x03\x04.{26,200}?(Manifest\.xml|\.3dxml|\.3DRep)", "3dxml"),
     (rb"(?s)PK\x03\x04.{26,200}?\.dae", "zae"),
     (rb"PK\x03\x04", f"the file is a ZIP archive: {_PACKED}"),
-    (rb"(\s|#[^\n]*\n)*(ST)?C?N?4?n?OFF[\s\d]", "off"),
+    (rb"(\s|#[^\n]*\n)*(ST|C|N)*4?n?OFF[\s\d]", "off"),
     (rb"(?si)\s*solid\b.*\b(facet|endsolid)\b", "stl"),
     (rb"(?s)\s*\{.*\"(asset|accessors|bufferViews|meshes)\"", "gltf"),
     (rb"(?s)(#[^\n]*\n|\s)*((mtllib|o|g) [^\n]+\n(#[^\n]*\n|\s)*)*v[ \t]+[-+.\d]", "obj"),
@@ -104,7 +104,6 @@ class Format(NamedTuple):
     reader : text "module:function", imported when a file of the format is first read
     is_scene : whether a file is a whole scene, instead of a model
     is_binary : whether it can't be given as a file object of text
-    companions : text, what other files a file may name; empty = none
     up : text, the up axis of its models
     repeats_vertices : whether vertices at one position are to be joined where normals are averaged: files repeat
         those at which texture coordinates or colours change. False = there are none, or the reader has joined them
@@ -117,7 +116,6 @@ class Format(NamedTuple):
     reader: str
     is_scene: bool = False
     is_binary: bool = False
-    companions: str = ""
     up: str = "y"
     repeats_vertices: bool = True
     in_parts: bool = False
@@ -138,14 +136,14 @@ class Format(NamedTuple):
 
 
 _COLLADA = {"reader": "rasterizer.io.dae:read_dae", "packages": (("collada",),)}
-_GLTF = {"reader": "rasterizer.io.gltf:read_gltf", "companions": "buffers, textures"}
+_GLTF = {"reader": "rasterizer.io.gltf:read_gltf"}
 
 FORMATS = {
     each.name: each
     for each in (
-        Format(name="obj", reader="rasterizer.io.obj:read_obj", companions="material libraries (.mtl), textures"),
+        Format(name="obj", reader="rasterizer.io.obj:read_obj"),
         Format(name="stl", reader="rasterizer.io.stl:read_stl", up="z", repeats_vertices=False, in_parts=True),
-        Format(name="ply", reader="rasterizer.io.ply:read_ply", companions="textures"),
+        Format(name="ply", reader="rasterizer.io.ply:read_ply"),
         Format(name="off", reader="rasterizer.io.off:read_off"),
         Format(name="glb", **_GLTF, is_binary=True),
         Format(name="gltf", **_GLTF),
@@ -156,7 +154,7 @@ FORMATS = {
             is_binary=True,
             packages=(("lib3mf",), ("lxml", "networkx")),
         ),
-        Format(name="dae", **_COLLADA, companions="textures"),
+        Format(name="dae", **_COLLADA),
         Format(name="zae", **_COLLADA, is_binary=True),
         Format(
             name="3dxml",
@@ -169,7 +167,6 @@ FORMATS = {
             name="json",
             reader="rasterizer.io.scene_file:read_scene",
             is_scene=True,
-            companions="models, arrays, textures",
         ),
     )
 }

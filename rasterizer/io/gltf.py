@@ -250,9 +250,11 @@ def _part(primitive, buffers, paint, name, weights, joints) -> Part:
     if joints is not None and "JOINTS_0" in arrays and "WEIGHTS_0" in arrays:
         _carry(part, arrays, joints)
     if np.shape(arrays.get("uv"))[1:] == (2,):
-        part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
+        uv = _real(arrays["uv"], attributes[wanted["uv"]], buffers)
+        part["uv"] = uv_from_gltf(uv, paint.uv_matrix)
         if paint.numbers is not None and np.shape(arrays.get("numbers"))[1:] == (2,):
-            part["uv"] = np.concatenate([part["uv"], uv_from_gltf(arrays["numbers"], paint.numbers[1])], axis=1)
+            uv = _real(arrays["numbers"], attributes[wanted["numbers"]], buffers)
+            part["uv"] = np.concatenate([part["uv"], uv_from_gltf(uv, paint.numbers[1])], axis=1)
     if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
         part["colors"] = linear_values(arrays["colors"])
         part["material"] = paint.colored or paint.material
@@ -287,8 +289,10 @@ def _carry(part, arrays, joints) -> None:
     """Move the vertices of a part as its joints carry them, each by the sum of their matrices, weighted."""
     numbers = [np.asarray(arrays[key]) for key in sorted(arrays) if key.startswith(_CARRIED[0])]
     weights = [linear_values(arrays[key]) for key in sorted(arrays) if key.startswith(_CARRIED[1])]
+    numbers, weights = np.concatenate(numbers, axis=1), np.concatenate(weights, axis=1)
+    weights[~weights.any(axis=1), 0] = 1.0  # what nothing carries would fall into the origin: its first joint does
     vertices, matrices, total = part["vertices"], np.zeros((len(part["vertices"]), 3, 4)), 0.0
-    for number, weight in zip(np.concatenate(numbers, axis=1).T, np.concatenate(weights, axis=1).T, strict=True):
+    for number, weight in zip(numbers.T, weights.T, strict=True):
         number = np.where(weight == 0.0, 0, number)
         if number.dtype.kind not in "iu" or number.max() >= len(joints):
             raise Fault(f"a vertex is carried by joint {number.max()}; its skin has {len(joints)}")
@@ -734,19 +738,18 @@ def _placement(use) -> tuple[int, np.ndarray | None]:
     return int(uv_set), np.array([[c * a, s * b, x], [-s * a, c * b, y]], np.float64)
 
 
-def uv_from_gltf(values, matrix) -> np.ndarray:
+def uv_from_gltf(uv, matrix) -> np.ndarray:
     """Turn texture coordinates of glTF, whose v points down, into ours.
 
     Parameters
     ----------
-    values : (n, 2) float, or the integers of a normalised accessor
+    uv : (n, 2) float64
     matrix : (2, 3) float64, applied before v is turned round; or None
 
     Returns
     -------
     (n, 2) float64
     """
-    uv = linear_values(values)
     if matrix is not None:
         uv = uv @ matrix[:, :2].T + matrix[:, 2]
     return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
@@ -828,7 +831,6 @@ def read_lights_and_camera(
 
     Raises
     ------
-    ModelError : a light or camera that is not legal; the message names it
     TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
     """
     nodes = tree.get("nodes", [])
@@ -842,9 +844,9 @@ def read_lights_and_camera(
             model.mend(*SCALED_AWAY)
             continue
         if light is not None and _is_there(model, sources, "lights", light, "light"):
-            lights.append(_made(model, "light", light, sources["lights"], light_of, matrix))
+            lights += _made(model, "light", light, sources["lights"], light_of, matrix)
         if camera is None and "camera" in node and _is_there(model, tree, "cameras", node["camera"], "camera"):
-            camera = _made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix)
+            camera = next(iter(_made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix)), None)
     return tuple(lights) or None, camera
 
 
@@ -873,12 +875,17 @@ def world_matrices(model: ModelFile, tree: dict) -> dict[int, np.ndarray]:
 
 
 _PLACES = {"matrix", "rotation", "scale", "translation"}
+LAST_ROW = (0.0, 0.0, 0.0, 1.0)  # of an affine matrix
+ROUNDED = 2.0**-20  # how far a product of a few matrices in float32 may be from it: sixteen roundings
 
 
 def _own_matrix(node) -> np.ndarray:
     """Return a node's parent-from-node matrix: given as a whole, or as translation, rotation (x, y, z, w) and scale."""
     if "matrix" in node:
-        return np.reshape(np.asarray(node["matrix"], np.float64), (4, 4)).T
+        matrix = np.reshape(np.asarray(node["matrix"], np.float64), (4, 4)).T.copy()
+        if (abs(matrix[3] - LAST_ROW) <= ROUNDED).all():
+            matrix[3] = LAST_ROW
+        return matrix
     x, y, z, w = (float(value) for value in node.get("rotation", (0, 0, 0, 1)))
     length = math.sqrt(x * x + y * y + z * z + w * w) or 1.0
     x, y, z, w = x / length, y / length, z / length, w / length
@@ -897,15 +904,16 @@ def _own_matrix(node) -> np.ndarray:
 
 
 def _made(model, word, number, sources, make, matrix):
-    """Make a light or camera; its faults become errors that name it."""
+    """Make a light or camera, in a list; an empty one where it isn't legal, which is warned of."""
     source = sources[number]
     label = f"{word} {number}" + (f" '{name_in(source['name'])}'" if source.get("name") else "")
     try:
-        return make(source, matrix)
+        return [make(source, matrix)]
     except KeyError as fault:
-        raise model.error(f"{label}: {fault.args[0]} is missing") from fault
+        model.warn(f"{label}: {fault.args[0]} is missing; left out")
     except (SceneError, TypeError, ValueError) as fault:
-        raise model.error(f"{label}: {_reason(fault)}") from fault
+        model.warn(f"{label}: {_reason(fault)}; left out")
+    return []
 
 
 # ----------------------------------------------------------------

@@ -42,7 +42,6 @@ from .model_file import (
     MeshSettings,
     ModelFile,
     Part,
-    Report,
     bytes_of_copy,
     materials_of,
     mend_unused,
@@ -539,7 +538,7 @@ def _report(model, contents, parts, crease_angle, seen):
     else:
         facts.append(f"{normals} used" if normals else "no file normals")
     unused = f"; not used: {', '.join(left_out)}" if left_out else ""
-    model.log(Report(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}", left_out))
+    model.log(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}")
 
 
 _ATTRIBUTES = {

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, cut
+from ..errors import ModelError, cut
 from ..scene.material import Material
 from ..scene.of_mtl import COLORS, NUMBERS, material_of, value_of
 from ..scene.texture import Texture, decode_ahead, read_picture
@@ -38,6 +38,7 @@ _MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters o
 _OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2} | dict.fromkeys(
     ("-blendu", "-blendv", "-boost", "-cc", "-clamp", "-colorspace", "-imfchan", "-texres", "-bm", "-type"), 1
 )
+_PHYSICAL = ("pr", "pm", "ps", "pc", "pcr", "aniso", "anisor")  # of roughness, metals, sheen, coats
 # Values of those options that would change what is drawn, with which they don't.
 _NEUTRAL = {"-t": [0.0, 0.0, 0.0], "-mm": [0.0, 1.0]}
 
@@ -85,8 +86,8 @@ def find_materials(
     unknown = [name for name in names if name not in materials]
     if missing:
         files = listed([f"'{name[:80]}'" for name in missing])
-        model.warn(f"material file {files} not found; the default material is used")
-    elif unknown:
+        model.warn(f"material file {files} not found")
+    if unknown:
         unknown = listed([f"'{name[:80]}'" for name in unknown])
         model.warn(f"no definition of material {unknown}; the default is used")
     return materials, maps.places
@@ -173,6 +174,8 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
                 faults.append((line_number, fault))
             if number is not None:
                 values[key] = number, line_number
+        elif key in _PHYSICAL:
+            library.tell(f"{key.title()} is not used: materials of MTL files are lit by Kd, Ks and Ns", line_number)
         elif key.startswith(_MAPS) and not rest:
             faults.append((line_number, f"{key} names no picture; the line is left out"))
         elif key in ("map_kd", "map_d", "map_ka"):
@@ -308,7 +311,7 @@ class Maps:
             return None
         key = (color_path, alpha_path, (color or alpha)[1])
         if key not in self._textures:
-            self._textures[key] = self._make(library, material, *key)
+            self._textures[key] = self.model.textures.add(self._mix(*key))
         return self._textures[key]
 
     def _path(self, library, material, given) -> Path | None:
@@ -336,33 +339,21 @@ class Maps:
                 library.warn(f"{what}: {fault}; the material keeps its plain colour")
         return None if self._pictures[path] is None else path
 
-    def _make(self, library, material, color_path, alpha_path, wrap) -> Texture:
-        """Make the texture of one or two pictures that have been read."""
-        return self.model.textures.add(self._mix(library, material, color_path, alpha_path, wrap))
-
-    def _mix(self, library, material, color_path, alpha_path, wrap) -> Texture:
-        """Make it, of pictures that are fitted to the file's budget."""
+    def _mix(self, color_path, alpha_path, wrap) -> Texture:
+        """Make the texture of one or two pictures that have been read; they are fitted to the file's budget."""
         fitted = self.model.textures.fitted
         if color_path is None:
             grey = _grey(fitted(self._pictures[alpha_path]))
             image = np.ones((*grey.shape, 4), np.float32)
             image[..., 3] = grey
-            return _texture(alpha_path, image, wrap)
-        texture = _texture(color_path, fitted(self._pictures[color_path]), wrap)
+            return Texture(image, wrap=wrap, name=str(alpha_path))
+        texture = Texture(fitted(self._pictures[color_path]), wrap=wrap, name=str(color_path))
         if alpha_path is None or alpha_path == color_path:
             return texture
         grey = _grey(fitted(self._pictures[alpha_path]))
         height, width = np.maximum(grey.shape, texture.shape)
         layers = [*np.moveaxis(texture.image[..., :3], 2, 0), grey]
         return replace(texture, image=np.dstack([_resized(layer, width, height) for layer in layers]))
-
-
-def _texture(path, image, wrap) -> Texture:
-    """Make a texture that is named after its file."""
-    try:
-        return Texture(image, wrap=wrap, name=str(path))
-    except SceneError as fault:
-        raise ModelError(f"{path}: {fault}") from fault
 
 
 def _resized(layer, width, height) -> np.ndarray:

@@ -80,9 +80,7 @@ def _with_others(parts, lines) -> Contents:
     if not parts and n_point + n_line == 0 and not curved:
         n_point = len(lines.lines_of("v"))
     left_out = (f"curved elements ({', '.join(curved)})",) if curved else ()
-    has_rest = len(lines.lines_of("vn")) and not all("normals" in part for part in parts or [{"normals"}])
-    unused = ("normals of meshes in which some faces have none",) if has_rest else ()
-    return Contents(parts, n_point=n_point, n_line=n_line, left_out=left_out, unused=unused)
+    return Contents(parts, n_point=n_point, n_line=n_line, left_out=left_out)
 
 
 def _read_parts(model, lines) -> list[Part]:
@@ -112,10 +110,10 @@ def _read_parts(model, lines) -> list[Part]:
         from .mtl import find_materials
 
         materials, places = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
-    default, palette = whole["material"], []
-    for name in numbers:
-        palette.append(materials.get(name) or replace(default, name=name_in(name)))
-    palette.append(default)
+    palettes = {}
+    for is_colored, default in ((True, WHITE), (False, Material())):
+        of_names = [materials.get(name) or replace(default, name=name_in(name)) for name in numbers]
+        palettes[is_colored] = [*of_names, default]
     groups = set(lines.names_of("g")[1])
     objects.append(groups.pop() if len(groups) == 1 else "")  # the only group names what stands before the first object
     if cut.polygons is not None:
@@ -129,6 +127,7 @@ def _read_parts(model, lines) -> list[Part]:
     laid = {numbers[name]: place for name, place in places.items()}
     for number, begin, end in ranges:
         part = _take_range(whole, begin, end)
+        palette = palettes["colors" in part]
         parts.append(_with_materials(model, _laid(part, laid) if laid else part, palette, objects[number]))
     return parts
 
@@ -137,13 +136,14 @@ def _make_part(model, lines, points, corners: "Corners", cut) -> Part:
     """Put all triangles of the file in one part; of normals and texture coordinates a table, and which row of it each
     corner has, (n, 3), -1 for none."""
     faces = cut.of_corners(corners.v)
-    part = {"vertices": points[:, :3], "faces": faces, "material": Material()}
-    if points.shape[1] >= 6:
+    part = {"vertices": points[:, :3], "faces": faces}
+    if points.shape[1] >= COLORED:
         is_used = np.zeros(len(points), bool)
         is_used[faces] = True
-        colors = np.zeros((len(points), 3), np.uint8)
+        is_used &= points[:, 5] != NO_COLOR
+        colors = np.full((len(points), 3), 255, np.uint8)  # white beside others of an object
         colors[is_used] = bytes_of(model, points[is_used, 3:6])
-        part |= {"colors": colors, "material": WHITE}
+        part |= {"colors": colors, "is_colored": is_used}
     for key, keyword, n, indices in (("normals", "vn", 3, corners.vn), ("uv", "vt", 2, corners.vt)):
         if indices is not None and indices.max() >= 0:
             part[key] = lines.rows_of(keyword)[:, :n], cut.of_corners(indices)
@@ -187,11 +187,11 @@ def _take_range(whole: Part, begin, end) -> Part:
     """Return the triangles from `begin` to `end` with the vertices that they use; what some lack is left out."""
     used, faces = _compact(whole["faces"][begin:end])
     part = {"vertices": whole["vertices"][used], "faces": faces, "face_material": whole["face_material"][begin:end]}
-    if "colors" in whole:
+    if "colors" in whole and whole["is_colored"][used].any():
         part["colors"] = whole["colors"][used]
     if "normals" in whole:
         table, indices = whole["normals"][0], whole["normals"][1][begin:end]
-        if indices.min() >= 0:
+        if indices.max() >= 0:  # corners without one get a normal of 0: what is computed takes its place
             part["normals"] = _rows_of(table, indices, faces, len(part["vertices"]))
     if "uv" in whole:
         table, indices = whole["uv"][0], whole["uv"][1][begin:end]
@@ -289,6 +289,7 @@ def _with_materials(model, part: Part, palette, name) -> Part:
 
 _ATTRIBUTES = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
+COLORED, NO_COLOR = 6, -np.inf  # numbers of a vertex with a colour; each of the last three where it has none
 _BLOCK = 1 << 13  # lines that a thread reads
 _LETTERS = 1 << 18  # that are looked at in one go: their arrays stay in the cache
 _CORNER = re.compile(rb"([+-]?\d{1,18})(?:/([+-]?\d{1,18})?(?:/([+-]?\d{1,18})?(?:/.*)?)?)?")
@@ -361,7 +362,8 @@ class ObjLines:
 
         Returns
         -------
-        (n_line, k) float64: as many numbers as all lines have, at least 3, of vt 2: a second one that is missing is 0
+        (n_line, k) float64: as many numbers as all lines have, at least 3, of vt 2: a second one that is missing is 0.
+        Where some lines of v have a colour, the others have NO_COLOR for each of its numbers
 
         Raises
         ------
@@ -370,8 +372,9 @@ class ObjLines:
         tables = self._read_lines(keyword, self.lines_of(keyword))
         if len(tables) == 1:
             return tables[0]
-        width = min(table.shape[1] for table in tables)
-        return np.concatenate([table[:, :width] for table in tables])
+        widths = [table.shape[1] for table in tables]
+        width = COLORED if keyword == "v" and max(widths) >= COLORED else min(widths)
+        return np.concatenate([_widened(table, width) for table in tables])
 
     def corners(self) -> Corners:
         """Return the corners of all face lines; of a corner with more than three numbers the first three count.
@@ -472,13 +475,24 @@ def _tidy(data) -> tuple[bytes, list[int]]:
     return data, joints
 
 
+def _widened(table, width) -> NDArray[np.float64]:
+    """Return as many columns of a table (n, k); those that it lacks are NO_COLOR."""
+    n_lacking = width - table.shape[1]
+    return np.pad(table, ((0, 0), (0, n_lacking)), constant_values=NO_COLOR) if n_lacking > 0 else table[:, :width]
+
+
 def _read_rows(keyword, lines, rows) -> NDArray[np.float64]:
-    """Return the numbers of some lines, as many as all of these have; `rows` are their words."""
-    least = _LEAST[keyword]
-    n_least = min(map(len, rows), default=least)
+    """Return the numbers of some lines, as many as all of these have; of v six where some have a colour, the others
+    NO_COLOR for it. `rows` are their words."""
+    least, widths = _LEAST[keyword], {*map(len, rows)}
+    n_least = min(widths, default=least)
     width = max(n_least, least, 2)
-    # The second number of a vt may be missing.
-    even = rows if {*map(len, rows)} == {width} else [[*row, b"0"][:width] for row in rows]
+    if keyword == "v" and n_least < COLORED <= max(widths, default=0):
+        width, rest = COLORED, [b"-inf"] * COLORED  # NO_COLOR
+        rows = [row if len(row) >= COLORED else row[:least] for row in rows]
+    else:
+        rest = [b"0"]  # the second number of a vt may be missing
+    even = rows if widths == {width} else [[*row, *rest][:width] for row in rows]
     values = read_words([*chain.from_iterable(even)])
     if values is not None and n_least >= least:
         return values.reshape(-1, width)

@@ -3,7 +3,8 @@
     numbers of the file ─ rows of vertices ─ polygons, cut as those of OBJ and PLY are ─ a part
 
 The letters of its first word say what a vertex has behind x y z: 4 w, by which they are divided; N a normal; C a
-colour; ST texture coordinates. Lines count for colours alone: 3 or 4 numbers more on the line of a vertex, or behind
+colour; ST texture coordinates, whatever their order. MeshLab writes NCOFF, with the colour before the normal: what is
+longer than a normal is that. Lines count for colours alone: 3 or 4 numbers more on the line of a vertex, or behind
 the corners of a face, are its colour. An index of a colour is left out: the format has no table of them.
 Format: Geomview manual, 1.9.5, OFF.
 """
@@ -17,8 +18,9 @@ from ..errors import cut
 from ..scene.material import WHITE, Material
 from .model_file import Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, numbers_in, text_of
 
-_HEAD = re.compile(r"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z_])(\s+BINARY\b)?", re.ASCII)
+_HEAD = re.compile(r"(?:\s|#[^\n]*\n)*((?:ST|C|N)*)(4)?(n)?OFF(?![A-Za-z_])(\s+BINARY\b)?", re.ASCII)
 _COLOR = (3, 4)  # how many numbers a colour has
+LONGEST_NORMAL = 1.01  # along an axis: unit length, written with two digits
 
 
 def read_off(model: ModelFile) -> Contents:
@@ -27,7 +29,8 @@ def read_off(model: ModelFile) -> Contents:
     head = _HEAD.match(text)
     if not head:
         raise model.error("not an OFF file: 'OFF' is missing at its start")
-    has_uv, has_color, has_normal, has_w, is_n, is_binary = (group is not None for group in head.groups())
+    has_uv, has_color, has_normal = (letter in head[1] for letter in "SCN")
+    has_w, is_n, is_binary = (group is not None for group in head.groups()[1:])
     if is_n or is_binary:
         raise model.error(f"{'binary ' if is_binary else '4' * has_w + 'n'}OFF, which is not read")
     numbers, ends, words = _numbers(model, text[head.end() :], 1 + text.count("\n", 0, head.end()))
@@ -52,6 +55,8 @@ def read_off(model: ModelFile) -> Contents:
     if has_w:
         with np.errstate(all="ignore"):
             points, table = points / table[:, :1], table[:, 1:]
+    if head[1].startswith("NC") and table.shape[1] >= 7 and not (np.abs(table[:, :3]) <= LONGEST_NORMAL).all():
+        table = np.hstack([table[:, 4:7], table[:, :4], table[:, 7:]])
     part = {"normals": table[:, :3]} if has_normal else {}
     table = table[:, 3 * has_normal :]
     if has_uv:

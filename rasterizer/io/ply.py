@@ -149,7 +149,10 @@ def _make_parts(model, elements, tables, line_of) -> list[Part]:
             more = np.arange(len(strips), dtype=np.int32) + len(counts)
             part["polygons"] = np.concatenate([part["polygons"], more])
     else:
-        part |= _face_attributes(model, face, elements["face"], cut, counts)
+        of_faces = _face_attributes(model, face, elements["face"], cut, counts)
+        if "colors" in part and of_faces.pop("face_colors", None) is not None:
+            model.tell("colours of faces beside those of vertices are not used")
+        part |= of_faces
     return [part]
 
 

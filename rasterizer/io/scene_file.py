@@ -65,6 +65,7 @@ KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "u
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
 _OF_MESH = ("transform", "name", "crease_angle", "weighting", "drop_bad_faces", "scalars", "material", "materials")
+_MADE_BY = ("crease_angle", "weighting", "drop_bad_faces")  # of these, what a mesh is made by
 # Tables within a table of fields; those of all other fields are spectra.
 _TABLES: dict[str, Any] = {"shadow": Shadow, "shadows": Shadow, "depth_cue": DepthCue}
 # The words of Viewpoint but `camera`; the last as ortho.
@@ -398,7 +399,7 @@ class _Reader:
         an image, and of the other fields of Texture."""
         table = value if isinstance(value, dict) else {"file": value}
         _table(table, ("file", "arrays", "texture", "filter", "wrap", "name"))
-        settings = {key: table[key] for key in ("filter", "wrap") if key in table}
+        settings = {key: table[key] for key in ("filter", "wrap", "name") if key in table}
         if ("file" in table) == ("arrays" in table):
             raise SceneError("a texture needs either file, or arrays and texture")
         if "file" in table:
@@ -406,14 +407,10 @@ class _Reader:
             key = path, make, repr(settings)
             if key not in self._textures:
                 pixels = read_picture(BytesIO(self._bytes(path)), str(path), self.budget)
-                self._textures[key] = self.budget.add(make(pixels, name=str(path), **settings))
-            texture = self._textures[key]
-        else:
-            image = self._array(table["arrays"], f"texture{whole(table.get('texture'), 'texture', 0)}")
-            texture = self.budget.add(make(image, **settings), 0)
-        if "name" not in table:
-            return texture
-        return self.budget.add_like(replace(texture, name=text(table["name"], "name")), texture)
+                self._textures[key] = self.budget.add(make(pixels, **{"name": str(path)} | settings))
+            return self._textures[key]
+        image = self._array(table["arrays"], f"texture{whole(table.get('texture'), 'texture', 0)}")
+        return self.budget.add(make(image, **settings), 0)
 
     # --- meshes
 
@@ -442,7 +439,7 @@ class _Reader:
             path, settings = self._path(table["file"]), self._settings(table)
             if (format := formats.find(path.suffix)) and format.is_scene:
                 raise SceneError(f"must be a model, no scene file; given {shown(table['file'])}")
-            key = path, repr(settings)
+            key = path, json.dumps([table.get(name) for name in (*_MADE_BY, "scalars")])
             if key not in self._models:
                 self.files.read.append(str(path))
                 self.limits.n_byte += path.stat().st_size
@@ -495,7 +492,7 @@ class _Reader:
 
     def _settings(self, table: dict[str, Any]) -> MeshSettings:
         """Return how the meshes of an entry are made: as the caller says, else as its table does, else as the file."""
-        of_mesh = {key: table[key] for key in ("crease_angle", "weighting", "drop_bad_faces") if key in table}
+        of_mesh = {key: table[key] for key in _MADE_BY if key in table}
         flag(of_mesh.get("drop_bad_faces", False), "drop_bad_faces")
         words = self.scalars | {key: table[key] for key in ("scalars",) if key in table}
         words |= {key: value for key, value in vars(self.asked.scalars).items() if value is not None}

@@ -319,10 +319,6 @@ class Budget:
         self._count(math.prod(texture.shape) << 2 * n_halving)
         return texture
 
-    def add_like(self, texture: "Texture", other: "Texture") -> "Texture":
-        """Count a texture with the pixels of another one that was added; return it."""
-        return self.add(texture, self._kept[id(other)][1])
-
     def _count(self, n_texel: int) -> None:
         """Count texels, as they would be in full."""
         self._n_texel += n_texel
