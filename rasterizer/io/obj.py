@@ -16,7 +16,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -110,10 +110,12 @@ def _read_parts(model, lines) -> list[Part]:
         from .mtl import find_materials
 
         materials, places = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
-    palettes = {}
-    for is_colored, default in ((True, WHITE), (False, Material())):
-        of_names = [materials.get(name) or replace(default, name=name_in(name)) for name in numbers]
-        palettes[is_colored] = [*of_names, default]
+
+    @cache
+    def palette_of(is_colored):
+        default = WHITE if is_colored else Material()
+        return [*(materials.get(name) or replace(default, name=name_in(name)) for name in numbers), default]
+
     groups = set(lines.names_of("g")[1])
     objects.append(groups.pop() if len(groups) == 1 else "")  # the only group names what stands before the first object
     if cut.polygons is not None:
@@ -127,7 +129,7 @@ def _read_parts(model, lines) -> list[Part]:
     laid = {numbers[name]: place for name, place in places.items()}
     for number, begin, end in ranges:
         part = _take_range(whole, begin, end)
-        palette = palettes["colors" in part]
+        palette = palette_of("colors" in part)
         parts.append(_with_materials(model, _laid(part, laid) if laid else part, palette, objects[number]))
     return parts
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 KINDS = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}
 LEAST = {"v": 3, "vt": 1, "vn": 3}
 COLUMNS = {"v": 3, "vt": 2, "vn": 3}  # that a table has at least
+COLORED = 6  # numbers of a vertex with a colour; where only some have one, -inf for each of the last three
 NO_CORNER = "'{}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
 # What damaged files have in place of numbers, and numbers that are written in unusual ways.
 NUMBERS = (
@@ -31,15 +32,19 @@ def read(data: bytes) -> Plain:
     total = {kind: len(words[kind]) for kind in KINDS}
     faults, rows = [], {}
     for kind in KINDS:
-        width = max(min((len(line) for _, line in words[kind]), default=0), COLUMNS[kind])
+        lengths = [len(line) for _, line in words[kind]]
+        width, rest = max(min(lengths, default=0), COLUMNS[kind]), [0.0]
+        if kind == "v" and width < COLORED <= max(lengths, default=0):
+            width, rest = COLORED, [-float("inf")] * 3
         rows[kind] = []
         for n, line in words[kind]:
-            values = [number(word) for word in line[:width]]
+            line = line[: width if len(line) >= width else COLUMNS[kind]]
+            values = [number(word) for word in line]
             if None in values:
                 faults.append((n, f"'{line[values.index(None)]}' is not a number"))
             elif len(line) < LEAST[kind]:
                 faults.append((n, f"a {KINDS[kind]} has {len(line)} numbers, {LEAST[kind]} are needed"))
-            rows[kind].append(values + [0.0] * (width - len(values)))
+            rows[kind].append((values + rest)[:width])
     faces = []
     for place, line in words["f"]:
         so_far = {kind: sum(n < place for n, _ in words[kind]) for kind in KINDS}

@@ -344,20 +344,6 @@ BROKEN = [  # what makes a model, and what it is made of
         (lambda tree, accessor: accessor.update(componentType=7), "componentType must be one of 5120, .*; given 7"),
         (lambda tree, accessor: accessor.update(type=[1]), "not a readable"),
     ]),
-    (only_light, [
-        ({"type": "point", "intensity": -1}, "light 0: the point light's color must not be negative"),
-        ({"type": "point", "range": 0, "name": "lamp"}, "light 0 'lamp': the point light's range must be above 0"),
-        ({"type": "spot", "spot": {"outerConeAngle": 2}}, "outer angle must be above 0 and at most 90"),
-        ({"type": "area"}, "light 0: its type must be directional, point or spot; given 'area'"),
-        ({"type": "point", "color": "red"}, "light 0: "),
-    ]),
-    (camera_of, [
-        (perspective(yfov=0, znear=1), "camera 0: the camera's fov must be at least"),
-        (perspective(yfov=1, znear=2, zfar=1), "near must be below its far"),
-        (perspective(znear=1), "camera 0: yfov is missing"),
-        ({"type": "orthographic", "orthographic": {"ymag": 0, "znear": 0, "zfar": 1}}, "height must be above 0"),
-        ({"type": "fisheye", "name": "eye"}, "'eye': its type must be perspective or orthographic; given 'fisheye'"),
-    ]),
     (lambda data: load(data, format="glb"), [
         (data, "not a readable GLB file|not a GLB file")
         for data in (GLB[:-10], GLB[:15], GLB[:4] + b"\1" + GLB[5:], b"x" + GLB[1:])
@@ -368,6 +354,33 @@ BROKEN = [  # what makes a model, and what it is made of
 def test_what_is_broken_is_named():
     for make, cases in BROKEN:
         assert_refused(make, cases, ModelError, "model: ")
+
+
+# Lights and cameras that are not legal cost no model.
+ILLEGAL = {
+    "lights": [
+        ({"type": "point", "intensity": -1}, "light 0: the point light's color must not be negative"),
+        ({"type": "point", "range": 0, "name": "lamp"}, "light 0 'lamp': the point light's range must be above 0"),
+        ({"type": "spot", "spot": {"outerConeAngle": 2}}, "outer angle must be above 0 and at most 90"),
+        ({"type": "area"}, "light 0: its type must be directional, point or spot; given 'area'"),
+        ({"type": "point", "color": "red"}, "light 0: "),
+    ],
+    "cameras": [
+        (perspective(yfov=0, znear=1), "camera 0: the camera's fov must be at least"),
+        (perspective(yfov=1, znear=2, zfar=1), "near must be below its far"),
+        (perspective(znear=1), "camera 0: yfov is missing"),
+        ({"type": "orthographic", "orthographic": {"ymag": 0, "znear": 0, "zfar": 1}}, "height must be above 0"),
+        ({"type": "fisheye", "name": "eye"}, "'eye': its type must be perspective or orthographic; given 'fisheye'"),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ILLEGAL)
+def test_lights_and_cameras_that_are_not_legal_are_left_out_with_a_warning(kind):
+    for item, said in ILLEGAL[kind]:
+        with pytest.warns(UserWarning, match=said):
+            scene = loaded(light_node() if kind == "lights" else {"camera": 0}, **{kind: [item]})
+        assert scene.camera is None and len(scene.lights) == len(studio()) and scene.n_face == 12
 
 
 def test_what_nodes_and_meshes_refer_to_in_vain_is_left_out_with_a_warning():

@@ -199,8 +199,9 @@ def test_v_points_up_and_vertices_keep_their_own():
         rows = np.pad(uv, ((0, 0), (0, 2))) if dtype == "u1" else uv  # begin at multiples of four bytes
 
         def strided(tree, primitive, size=rows.itemsize * rows.shape[1]):
-            view = tree["accessors"][primitive["attributes"]["TEXCOORD_0"]]["bufferView"]
-            tree["bufferViews"][view]["byteStride"] = size
+            accessor = tree["accessors"][primitive["attributes"]["TEXCOORD_0"]]
+            accessor["normalized"] = True
+            tree["bufferViews"][accessor["bufferView"]]["byteStride"] = size
 
         found = rounded(uv_of(uv=rows, more=strided))
         assert found == rounded((u / scale, 1 - v / scale) for u, v in uv.tolist()), dtype

@@ -86,11 +86,13 @@ def test_every_mixture_is_read_like_the_naive_reader_does(text):
             uv = mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
             plain = [[(0, 0) if pair is None else pair for pair in each] for each in part["uv"]]
             np.testing.assert_array_equal(uv, plain)
-        has_normals = all(normal is not None for corners in part["normals"] for normal in corners)
-        assert (mesh.normals is not None) == has_normals
-        if has_normals:
-            normals = mesh.normals if mesh.normals.ndim == 3 else mesh.normals[mesh.faces]
-            np.testing.assert_allclose(normals, unit(part["normals"]), atol=1e-12)
+        given = [normal for corners in part["normals"] for normal in corners]  # the others are computed
+        assert (mesh.normals is not None) == any(given)
+        if any(given):
+            normals = (mesh.normals if mesh.normals.ndim == 3 else mesh.normals[mesh.faces]).reshape(-1, 3)
+            is_given = [normal is not None for normal in given]
+            np.testing.assert_allclose(normals[is_given], unit(list(filter(None, given))), atol=1e-12)
+            np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
         assert (mesh.smoothing is not None) == any(part["groups"])
         assert mesh.smoothing is None or mesh.smoothing.tolist() == part["groups"]
         assert (mesh.polygons is not None) == (part["n"] < len(part["polygons"]))
@@ -110,7 +112,7 @@ def test_what_a_face_names_and_the_file_does_not_have_is_left_out_and_warned_of(
     for lines, said in cases.items():
         with pytest.warns(UserWarning, match=said):
             (mesh,) = load((POINTS + lines).encode(), format="obj").meshes
-        assert mesh.uv is None and mesh.normals is None, lines
+        assert mesh.uv is None and (mesh.normals is None) == ("vn" not in lines), lines
 
 
 def test_vertex_colors_are_srgb_and_multiply_white():
@@ -125,7 +127,8 @@ def test_rows_of_several_lengths_and_vertices_that_nobody_uses():
     """Weights behind some places, places that are no number, colours for some vertices only."""
     text = "v 0 0 0 1\nv 1 0 0\nv 1 1 0 0.5 0.5\nv -nan nan nan\nv 0 1 0 1 0 0\nf 1 2 3\nf 1 3 5\n"
     (mesh,) = load_obj(text).meshes
-    assert mesh.n_vertex == 4 and mesh.n_face == 2 and mesh.colors is None
+    assert mesh.n_vertex == 4 and mesh.n_face == 2
+    np.testing.assert_array_equal(mesh.colors[:, :3], [(1, 1, 1)] * 3 + [(1, 0, 0)])
 
 
 def test_each_object_is_a_mesh_with_the_vertices_that_it_uses():
