@@ -729,7 +729,8 @@ def _gltf_tree(draw):
         for k in range(draw.choice((0, 1, 1, 2))):
             letter = draw.choice("fBH")
             rows = [(0.5, draw.random()) if letter == "f" else (0, draw.randrange(256)) for _ in range(n)]
-            attributes[f"TEXCOORD_{k}"] = accessor(rows, letter, **{} if letter == "f" else {"normalized": True})
+            is_part = letter != "f" and draw.random() < 0.7
+            attributes[f"TEXCOORD_{k}"] = accessor(rows, letter, **{"normalized": True} if is_part else {})
         if draw.random() < 0.3:
             letter, width = draw.choice("fBH"), draw.choice((3, 4))
             attributes["COLOR_0"] = accessor([[1.0 if letter == "f" else 200] * width] * n, letter)
