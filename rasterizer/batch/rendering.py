@@ -370,7 +370,8 @@ class Batch:
             return []
         run = note.run._replace(path=None, identity=None, load={})
         again = Job(self._draw, run, self._share(model.file, {}))
-        again.note = note._replace(warnings=model.warnings, files_read=model.files_read)
+        again.note = note._replace(warnings=(*note.warnings, *model.warnings), files_read=model.files_read)
+        again.n_alone = job.n_alone
         return [again]
 
     def _settle(self, note: Note, outcome: Done | Died | Failed) -> Iterator[RenderRecord]:

@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 import time
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from glob import glob
 from itertools import product
@@ -135,6 +135,32 @@ def test_a_process_that_dies_takes_nothing_else_with_it_and_its_task_is_named(fo
     assert [record.status for record in records] == ["drawn"] * 4 + ["failed"] + ["drawn"] * 5
     assert "cube.obj: the process that drew it ended with exit code 9, twice" in str(records[4].error)
     assert (folder / "m").exists() and (folder / "once.png").stat().st_size > 0
+
+
+class DeadlyElsewhere(Executor):
+    """An executor whose processes don't see the models' files, and end as many times as it says when they have one."""
+
+    def __init__(self, n_death):
+        self.n_left, self.n_sent = n_death, 0
+
+    def submit(self, call, function, run, shared):
+        future, self.n_sent = Future(), self.n_sent + 1
+        assert self.n_sent < 50, "it is sent again and again"
+        if shared is not None and self.n_left:
+            self.n_left -= 1
+            future.set_exception(BrokenExecutor("ended"))
+        else:
+            future.set_result(call(function, run._replace(identity=run.identity and (0, 0)), shared))
+        return future
+
+
+def test_a_picture_that_ends_processes_elsewhere_is_named_too():
+    for n_death, words in ((1, "drawn once more"), (99, "the process that drew it ended, twice")):
+        batch = rz.render_many([rz.RenderTask(CUBE, "x.png", options=SMALL)], DeadlyElsewhere(n_death), n_process=1)
+        with suppress(rz.RasterizerError):
+            (record,) = batch
+        said = batch.summary.first_error or "; ".join(record.warnings)
+        assert words in said and batch.summary.failed == (n_death > 2), said
 
 
 @needs_proc
