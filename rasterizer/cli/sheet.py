@@ -5,6 +5,7 @@
 A model that fails leaves its cells empty, and its label says so.
 """
 
+import os
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -70,6 +71,9 @@ def run(request, messages, *, columns, rows, gap, has_labels) -> tuple[list, int
     if request.views == (None,) and is_framed and len(plan) == 1:
         request = replace(request, views=_VIEWS)
         plan = plan_sheet(request)
+    if request.files.skip_existing and os.path.isfile(plan[0][0].output):
+        messages.notice("1 of 1 outputs are there already")
+        return [], len(plan)
     failures, names = Failures(messages, request.is_json), _short_names([targets[0].model for targets in plan])
     pictures, labels, records = [], [], []
     outputs = Outputs(plan)

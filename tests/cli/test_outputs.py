@@ -142,6 +142,12 @@ def test_what_is_there_already_can_be_left_out(folder, capsys):
     assert "1 of 3 outputs are there already" in errors(capsys)
     assert os.stat("cube.png").st_mtime_ns == before and os.path.exists("gear.png")
     assert run(CUBE, GEAR, "--skip-existing", "-q") == 0 and errors(capsys) == ""
+    for command in ("render", "sheet", "compare", "demo", "turntable", "batch"):
+        name = "x.gif" if command == "turntable" else "x.png"
+        (folder / name).write_bytes(b"old")
+        model = [] if command == "demo" else [CUBE]
+        assert raster(command, *model, "-s", "8", "-o", name, "--skip-existing") == 0
+        assert (folder / name).read_bytes() == b"old", command
 
 
 def test_a_camera_comes_from_a_file(folder, capsys):
