@@ -208,7 +208,7 @@ def _groups(scene: Scene, methods: Sequence[Method]) -> Iterator[tuple[list[Meth
     finer, done = scene, 0
     for times, shading in keys:
         group = [method for method in methods if (method.subdivisions, method.shading) == (times, shading)]
-        if scene.n_face * 4**times > MAX_FACES:
+        if times and scene.n_face * 4**times > MAX_FACES:
             yield group, None
             continue
         if times != done:

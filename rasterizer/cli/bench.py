@@ -140,6 +140,8 @@ def _measure(scene, chosen, messages, methods, seconds, with_flip):
             bar.show(n_done, n, f"measuring {what}")
 
         found = study(scene, chosen.size, methods, seconds, show, with_flip, **options)
+    if not found.rows:
+        raise SceneError("nothing is measured: the subdivided model is too large; give lower --subdivisions")
     if found.rows[0].error.delta_e is None:
         messages.notice("there is no ΔE without scikit-image: pip install scikit-image")
     if found.left_out:

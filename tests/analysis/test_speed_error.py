@@ -2,6 +2,7 @@
 
 import functools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from rasterizer.analysis.speed_error import (
     Errors,
     Method,
     Row,
+    _groups,
     advise,
     draw_ground_truth,
     draw_light,
@@ -154,6 +156,8 @@ def test_without_time_or_room_the_given_mesh_is_measured_and_the_rest_is_named()
     methods = list_methods(("gouraud",), (0, n), (1,), (1 / 4096,))
     result = study(ball_scene(), SIZE, methods, 9.0, lambda *_: None, threads=1)
     assert [method.subdivisions for method in result.left_out] == [n], "it would be too large"
+    large = SimpleNamespace(n_face=MAX_FACES + 1)
+    assert [finer for _, finer in _groups(large, methods)] == [large, None], "what is given is drawn however large"
 
 
 def test_errors_of_pictures_that_are_known():

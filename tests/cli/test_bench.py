@@ -93,6 +93,11 @@ def test_what_is_refused_before_anything_is_measured(capsys, monkeypatch):
         assert_refused(capsys, [(["nope.obj", *flag.split()], "pip install")], "bench")
 
 
+def test_a_model_that_is_too_large_in_every_row_is_told(capsys):
+    assert run(CUBE, "--shadings", "gouraud", "--subdivisions", "15") == 2
+    assert "nothing is measured: the subdivided model is too large" in capsys.readouterr().err
+
+
 def test_plots_that_can_not_be_written_are_refused(capsys):
     pytest.importorskip("matplotlib")
     assert_refused(capsys, [
