@@ -24,11 +24,11 @@ from .scene.material import Material
 PlaceOf = Callable[[int], str]  # from the row of an array to the words for where that is
 
 N_POINT = 96
-BUDGETS = {"float64": 1e-9, "float32": 2e-3}  # of the largest value, or of 1 where all are smaller
+BUDGET = 1e-9  # of the largest value, or of 1 where all are smaller
 
 
-def check_same(whose: str, found: NDArray, expected: NDArray, budget: float, place_of: PlaceOf, words: str) -> None:
-    """Refuse a row in which two arrays differ by more than `budget` of the largest number.
+def check_same(whose: str, found: NDArray, expected: NDArray, place_of: PlaceOf, words: str) -> None:
+    """Refuse a row in which two arrays differ by more than `BUDGET` of the largest number.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def check_same(whose: str, found: NDArray, expected: NDArray, budget: float, pla
     """
     found, expected = (np.reshape(part, (len(part), -1)).astype(float) for part in (found, expected))
     scale = max(1.0, float(np.abs(expected[np.isfinite(expected)]).max(initial=0.0)))
-    is_near = np.isclose(found, expected, rtol=0.0, atol=budget * scale, equal_nan=True)
+    is_near = np.isclose(found, expected, rtol=0.0, atol=BUDGET * scale, equal_nan=True)
     for k in np.flatnonzero(~is_near.all(axis=1)).tolist():
         values = words.format(_numbers(found[k]), _numbers(expected[k]))
         raise SceneError(f"{whose}: engine and reference disagree {place_of(k)}: {values}")
@@ -100,13 +100,11 @@ def compare_light(word: str, examples: Iterable[Any]) -> None:
             for lamp in make_lamps([light], view, np.array)
             for color, light_dirs, strength in lamp_type_of(light).arrivals(lamp, points, normals, np.array)
         ]
-        for dtype, budget in BUDGETS.items():
-            parts = [(part.color, *light_at(part, points, normals, view, np.dtype(dtype)))
-                     for part in entry_of(light).expand(light)]  # fmt: skip
-            names = ("ambient share", "light that arrives")
-            for name, found, expected in zip(names, _sums(parts), _sums(here), strict=True):
-                words = f"the {name} is {{}} by the engine in {dtype}, {{}} by the reference"
-                check_same(whose, found, expected, budget, place_of, words)
+        parts = [(part.color, *light_at(part, points, normals, view)) for part in entry_of(light).expand(light)]
+        names = ("ambient share", "light that arrives")
+        for name, found, expected in zip(names, _sums(parts), _sums(here), strict=True):
+            words = f"the {name} is {{}} by the engine, {{}} by the reference"
+            check_same(whose, found, expected, place_of, words)
 
 
 def _sums(arrivals: list[tuple]) -> tuple[NDArray, NDArray]:
@@ -143,10 +141,8 @@ def compare_reflection(word: str, cls: Any) -> None:
             return f"at {', '.join(f'{x} = {_numbers(v[k])}' for x, v in zip('NLV', vectors, strict=True))}, {settings}"
 
         here = _reflected(material, *vectors)
-        for dtype, budget in BUDGETS.items():
-            found, expected = reflected_at(material, *vectors, np.dtype(dtype)), np.where(n_dot_l > 0.0, here.T, 0.0).T
-            words = f"D and S are {{}} by the engine in {dtype}, {{}} by the reference"
-            check_same(whose, found, expected, budget, place_of, words)
+        found, expected = reflected_at(material, *vectors), np.where(n_dot_l > 0.0, here.T, 0.0).T
+        check_same(whose, found, expected, place_of, "D and S are {} by the engine, {} by the reference")
 
 
 def _reflected(material: Material, *vectors: NDArray) -> NDArray:

@@ -74,7 +74,7 @@ class CustomLight:
     other lights. Its `__post_init__` checks them, SceneError.
 
     One of these two is a static method, which is compiled. It gets a point's unit normal and its position, three
-    numbers each, and the array that `numbers` returns, in float32 or float64:
+    numbers each, and the array that `numbers` returns, in float64:
 
     share(normal, position, numbers) : how much of the colour is added to the ambient light there, at least 0: the
         material's `ambient` reflects it, to all sides
@@ -133,8 +133,8 @@ class CustomReflection:
     """A reflection model of one's own: how much of a light that arrives a surface sends to the viewer.
 
     reflect(normal, light_dir, view_dir, coefficients) : static method, which is compiled: unit vectors, three numbers
-        each, and `coefficients.shininess`, `.roughness`, `.levels` and `.numbers` of the material, in float32 or
-        float64; returns D and S, which the material's `diffuse` and `specular` are multiplied by. It isn't asked where
+        each, and `coefficients.shininess`, `.roughness`, `.levels` and `.numbers` of the material, in float64;
+        returns D and S, which the material's `diffuse` and `specular` are multiplied by. It isn't asked where
         N·L <= 0
 
     Attributes

@@ -156,14 +156,12 @@ def _look_from(viewer, toward_viewer):
 
 # ---------------------------------------------------------------- one light, and one reflection model
 #
-# What arrives of a light at points, and what a material reflects there, by the compiled functions alone and in either
-# floating-point type: so registration compares them with the reference (agreement.py).
+# What arrives of a light at points, and what a material reflects there, by the compiled functions alone, in float64: so
+# registration compares them with the reference (agreement.py).
 
 
-def light_at(
-    part: Any, points: NDArray, normals: NDArray, view: View, dtype: np.dtype
-) -> tuple[NDArray | None, NDArray]:
-    """Return what arrives of a light that has a function, computed in `dtype`.
+def light_at(part: Any, points: NDArray, normals: NDArray, view: View) -> tuple[NDArray | None, NDArray]:
+    """Return what arrives of a light that has a function, computed in float64.
 
     Parameters
     ----------
@@ -181,18 +179,18 @@ def light_at(
     """
     entry, row = light_table.entry_of(part), np.zeros(N_LIGHT_COEFFICIENT)
     function = entry.function(part)
-    entry.write(row, part, view, dtype)
+    entry.write(row, part, view, row.dtype)
     # A function that says it needs no position, and reads it, gets no number.
     position = points - view.eye if entry.needs_position else np.full(points.shape, np.nan)
     light_dir = [f.LIGHT_DIR + k * f.NEXT for k in range(3)]
-    found = _evaluate(function, dtype, row, {f.NORMAL: normals, f.POSITION: position}, [f.STRENGTH, *light_dir])
+    found = _evaluate(function, row, {f.NORMAL: normals, f.POSITION: position}, [f.STRENGTH, *light_dir])
     return None if entry.is_share else found[:, 1:], found[:, 0]
 
 
 def reflected_at(
-    material: Any, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray, dtype: np.dtype
+    material: Any, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray
 ) -> NDArray[np.float64]:
-    """Return D and S (n, 2) of a material for a light of strength 1, computed in `dtype`; the vectors are (n, 3)
+    """Return D and S (n, 2) of a material for a light of strength 1, computed in float64; the vectors are (n, 3)
     float64, unit length.
 
     Raises
@@ -212,12 +210,10 @@ def reflected_at(
         f.STRENGTH: np.ones(len(normals)),
         f.SPECULAR: np.zeros(len(normals)),  # stays where there is no highlight
     }
-    return _evaluate(entry.function(material), dtype, row, put, [f.DIFFUSE, f.SPECULAR])
+    return _evaluate(entry.function(material), row, put, [f.DIFFUSE, f.SPECULAR])
 
 
-def _evaluate(
-    function: Any, dtype: np.dtype, row: NDArray, put: dict[int, NDArray], asked: list[int]
-) -> NDArray[np.float64]:
+def _evaluate(function: Any, row: NDArray, put: dict[int, NDArray], asked: list[int]) -> NDArray[np.float64]:
     """Call a batch function, and return the quantities that are asked for, (n, n_asked).
 
     Parameters
@@ -227,15 +223,15 @@ def _evaluate(
     """
     from numba.core.errors import NumbaError
 
-    batch, row, n = np.zeros(f.BATCH_SHAPE, dtype), row.astype(dtype), len(put[f.NORMAL])
+    batch, n = np.zeros(f.BATCH_SHAPE), len(put[f.NORMAL])
     for quantity, values in put.items():
         for k, column in enumerate(values.T if values.ndim == 2 else [values]):
             batch[int(quantity + k * f.NEXT) :][:n] = column
     try:
-        compiled = batch_function(function, dtype)
+        compiled = batch_function(function, batch.dtype)
     except NumbaError as fault:
         lines = [line.strip() for line in str(fault).splitlines() if line.strip()]
         what = f"{function.__module__}.{function.__name__}"
-        raise SceneError(f"{what} can't be compiled for {dtype}: {' '.join(lines[:4])}") from fault
+        raise SceneError(f"{what} can't be compiled for {batch.dtype}: {' '.join(lines[:4])}") from fault
     compiled(batch.ctypes.data, n, row.ctypes.data)
-    return np.stack([batch[int(quantity) :][:n] for quantity in asked], axis=1).astype(np.float64)
+    return np.stack([batch[int(quantity) :][:n] for quantity in asked], axis=1)
