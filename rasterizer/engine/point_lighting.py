@@ -187,9 +187,7 @@ def light_at(part: Any, points: NDArray, normals: NDArray, view: View) -> tuple[
     return None if entry.is_share else found[:, 1:], found[:, 0]
 
 
-def reflected_at(
-    material: Any, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray
-) -> NDArray[np.float64]:
+def reflected_at(material: Any, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray) -> NDArray[np.float64]:
     """Return D and S (n, 2) of a material for a light of strength 1, computed in float64; the vectors are (n, 3)
     float64, unit length.
 
