@@ -285,7 +285,7 @@ class Bar:
             n_filled = BAR_WIDTH * n_done // max(n, 1)
             bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)
             # An escape sequence of terminals clears the rest of the line.
-            sys.stderr.write(f"\rraster: [{bar}] {n_done}/{n} {what}\x1b[K")
+            sys.stderr.write(f"\rraster: [{bar}] {n_done}/{n} {plain(what)}\x1b[K")
             sys.stderr.flush()
             self._is_drawn = True
 

@@ -11,7 +11,7 @@ import pytest
 from helpers.command import CUBE, GEAR, SMALL, errors, raster, run
 from helpers.stores import environment_with
 
-from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown
+from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Bar, Messages, compilation_shown
 
 
 class Terminal:
@@ -45,6 +45,9 @@ def test_the_bar_grows_on_a_terminal_and_is_taken_away(monkeypatch):
         filled = [len(bar) for bar in re.findall(r"\[(#*)\.*\]", terminal.told)]
         assert filled == ([0, BAR_WIDTH // 3, 2 * BAR_WIDTH // 3] if level == NORMAL else [])
         assert "\n" not in terminal.told and terminal.told.endswith("\r\x1b[K" if level == NORMAL else "")
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    Bar(Messages(NORMAL)).show(0, 1, "drawing a\x1b]0;title\x07.obj")
+    assert "\x1b]" not in terminal.told and "\x07" not in terminal.told, "names send nothing to a terminal"
     monkeypatch.setattr(sys, "stderr", None)  # as in a process that was started without one
     assert show_three() == 3
 
