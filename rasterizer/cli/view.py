@@ -90,8 +90,9 @@ def _open_session(model, view, request, messages):
     scene, request = loaded.scene, loaded.request
     options = {name: value for name, value in vars(request.options).items() if name not in ("size", "outputs")}
     is_framed = scene.camera is None and request.framing is None and not request.is_view_given
-    camera = None if is_framed and request.viewpoint.zoom == 1.0 else request.camera_of(view, scene)
-    session = Session(scene, camera=camera, title=os.path.basename(model), **options)
+    session = Session(scene, title=os.path.basename(model), **options)
+    if not is_framed or request.viewpoint.zoom != 1.0:
+        session.look_through(request.camera_of(view, scene, session.subject))
     with compilation_shown(messages):
         for is_rest in (False, True):
             session.answer({"size": list(_SIZE), "background": PAPER, "is_rest": is_rest, "events": []})

@@ -12,6 +12,7 @@ Positions are in pixels of a picture of that size, from its upper left corner.
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
 from ..choices import VIEWS
@@ -218,7 +219,9 @@ class Aim(NamedTuple):
     is_pivot: bool
 
 
-def apply(event: Event, state: State, scene: Scene, home: Camera, size: Size) -> tuple[State, Aim | None]:
+def apply(
+    event: Event, state: State, scene: Scene, home: Camera, size: Size, subject: Callable[[], Any] | None = None
+) -> tuple[State, Aim | None]:
     """Do what an event says.
 
     Parameters
@@ -228,6 +231,7 @@ def apply(event: Event, state: State, scene: Scene, home: Camera, size: Size) ->
     scene : Scene that is looked at
     home : Camera of a state that has no orbit
     size : (width, height) of the picture at rest, pixels
+    subject : that of `Viewpoint.camera_of`, for named views
 
     Returns
     -------
@@ -252,7 +256,7 @@ def apply(event: Event, state: State, scene: Scene, home: Camera, size: Size) ->
         return _switched(state, orbit, event.name, event.value), None
     if event.key in ("Enter", " "):
         return state, Aim(size[0] / 2, height / 2, event.is_shift)
-    return _pressed(state, orbit, scene, event, size), None
+    return _pressed(state, orbit, scene, event, size, subject), None
 
 
 def describe_pick(pick: Pick) -> str:
@@ -269,7 +273,9 @@ def projection_of(state: State, home: Camera) -> str:
     return PROJECTIONS[0 if camera.is_perspective else 1]
 
 
-def _pressed(state: State, orbit: Orbit, scene: Scene, event: Key, size: Size) -> State:
+def _pressed(
+    state: State, orbit: Orbit, scene: Scene, event: Key, size: Size, subject: Callable[[], Any] | None
+) -> State:
     """Do what a key says, if it says anything."""
     key, height = event.key, size[1]
     if key in _ARROWS:
@@ -283,8 +289,8 @@ def _pressed(state: State, orbit: Orbit, scene: Scene, event: Key, size: Size) -
         return state._replace(orbit=orbit.zoomed(_ZOOM_KEYS[key], size[0] / 2, height / 2, size))
     if key in _VIEW_KEYS:
         name = _VIEW_KEYS[key]
-        camera = _framing(scene, *VIEWS[name], orbit.lens, size)
-        return state._replace(orbit=Orbit.of(camera, scene), said=f"view: {name}")
+        camera = _framing(scene, *VIEWS[name], orbit.lens, size, subject)
+        return state._replace(orbit=replace(Orbit.of(camera, scene), former=orbit.former), said=f"view: {name}")
     if key in ("0", "Home"):
         return state._replace(orbit=None, said="view: as at first")
     if key == "Escape":
@@ -308,7 +314,10 @@ def _switched(state: State, orbit: Orbit, name: str, value: str) -> State:
     return state._replace(said=said, **{name: value})  # type: ignore[arg-type]  # shading or lights
 
 
-def _framing(scene: Scene, azimuth: float, elevation: float, lens: Camera, size: Size) -> Camera:
+def _framing(
+    scene: Scene, azimuth: float, elevation: float, lens: Camera, size: Size, subject: Callable[[], Any] | None
+) -> Camera:
     """Return the camera that shows all of a scene from a side."""
+    framed = scene if subject is None else subject()
     of_lens: dict[str, Any] = {"orthographic": True} if lens.fov is None else {"fov": lens.fov}
-    return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=size[0] / size[1], **of_lens)
+    return Camera.framing(framed, azimuth, elevation, up=scene.up, aspect=size[0] / size[1], **of_lens)

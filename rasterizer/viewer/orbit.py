@@ -40,6 +40,7 @@ class Orbit:
     pole : (3,) float64, what is upwards in the world
     extent : length of the diagonal of the scene's box, scene units
     is_moved : whether the lens stands elsewhere by now
+    former : Camera with perspective, whose lens comes back when the projection is changed again; None = of _FOV
     """
 
     lens: Camera
@@ -49,6 +50,7 @@ class Orbit:
     pole: Array
     extent: float
     is_moved: bool = False
+    former: Camera | None = None
 
     @classmethod
     def of(cls, camera: Camera, scene: Scene) -> "Orbit":
@@ -111,14 +113,19 @@ class Orbit:
 
     def with_other_projection(self) -> "Orbit":
         """Return the orbit with perspective where it has none, or without; what lies at the pivot keeps its size."""
-        standing = self.camera
-        if self.lens.height is None:
-            height = 2.0 * self.distance * math.tan(math.radians(self.lens.fov or _FOV) / 2.0)
-            lens = Camera.orthographic(standing.position, standing.target, tuple(self.axes[1]), height)
-            return self._moved(lens=replace(lens, aspect=self.lens.aspect))
-        distance = self.lens.height / (2.0 * math.tan(math.radians(_FOV) / 2.0))
-        lens = Camera.perspective(standing.position, standing.target, tuple(self.axes[1]), _FOV)
-        return self._moved(lens=replace(lens, aspect=self.lens.aspect), distance=distance)
+        lens = self.lens
+        if lens.height is None:
+            height = 2.0 * self.distance * math.tan(math.radians(lens.fov or _FOV) / 2.0)
+            flat = replace(lens, fov=None, height=height, intrinsics=None, size=None, skew=0.0)
+            return self._moved(lens=flat, former=lens)
+        former = self.former or replace(lens, fov=_FOV, height=None, near=None, far=None)
+        distance = lens.height / (2.0 * math.tan(math.radians(former.fov or _FOV) / 2.0))
+        # The eye moves, and planes that cut the scene stay; behind the eye there is none.
+        near, far = (
+            None if plane is None or plane <= self.distance - distance else plane + distance - self.distance
+            for plane in (lens.near, lens.far)
+        )
+        return self._moved(lens=replace(former, near=near, far=far), distance=distance)
 
     def position_of(self, p_world: Array, size: Size) -> tuple[float, float] | None:
         """Return where a point (3,), world space, is seen: in pixels of a picture of `size`; None behind the eye."""

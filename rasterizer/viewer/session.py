@@ -15,6 +15,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SceneError, shown
 from ..frame import Frame
@@ -26,6 +27,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import PRESETS, studio
 from ..scene.scene import Scene
+from ..viewpoint import Viewpoint
 from .controls import LIGHTS, SHADINGS, Aim, State, apply, describe_pick, projection_of, read_message
 from .orbit import Orbit, camera_flags
 
@@ -89,6 +91,8 @@ class Session:
         self._camera, self._samples, self._options = camera, samples, options
         self._state = State(None, shading, LIGHTS[0])
         self._size, self._background = Options.size, PAPER
+        self._subject: Scene | NDArray[np.float64] | None = None  # with its shadow, on a ground
+        self._framed: tuple[tuple[int, int], Camera] | None = None  # the camera at first, for pictures of a size
         self._resolution = Resolution()
         self._renderers: OrderedDict[tuple, Renderer] = OrderedDict()
         self._n_made = 0  # renderers
@@ -114,6 +118,10 @@ class Session:
     def frame(self) -> Frame | None:
         """The last picture at rest, with the buffers face, depth and normal; None before the first one."""
         return self._at_rest and self._at_rest[1]
+
+    def look_through(self, camera: Camera) -> None:
+        """Take a camera as that which is looked through at first."""
+        self._camera, self._framed = camera, None
 
     def close(self) -> None:
         """End the threads that draw. The session goes on when it is asked for a picture once more."""
@@ -141,7 +149,7 @@ class Session:
             self._size, self._background = message.size, message.background
             is_at_rest, said = message.is_rest, []
             for event in message.events:
-                self._state, aim = apply(event, self._state, self.scene, self._home(), self._size)
+                self._state, aim = apply(event, self._state, self.scene, self._home(), self._size, self.subject)
                 if aim is not None:
                     self._pick(aim)
                     is_at_rest = True
@@ -150,8 +158,19 @@ class Session:
             reply.status["said"] = ". ".join(filter(None, dict.fromkeys(said)))
             return reply
 
+    def subject(self) -> Scene | NDArray[np.float64]:
+        """Return what a picture is framed on: see `Renderer.subject`."""
+        if not self._options.get("ground"):
+            return self.scene
+        if self._subject is None:
+            with Renderer(self.scene, **self._options) as renderer:
+                self._subject = renderer.subject
+        return self._subject
+
     def _home(self) -> Camera:
-        return self._camera or self.scene.camera_for(self._size)
+        if self._framed is None or self._framed[0] != self._size:
+            self._framed = self._size, self._camera or Viewpoint().camera_of(self.scene, self._size, self.subject)
+        return self._framed[1]
 
     def _pick(self, aim: Aim) -> None:
         """Pick what is seen at a pixel, and turn about it from now on if that is asked for."""

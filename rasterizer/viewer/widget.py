@@ -112,9 +112,10 @@ def view(
     viewpoint = viewpoint_of(view_words)
     scene, made, framing, _ = load_with_appearance(scene, others, size, options, viewpoint.of_file)
     title = ", ".join(dict.fromkeys(mesh.name for mesh in scene.meshes if mesh.name))
-    camera = viewpoint.over(framing).camera_of(scene, made.size) if view_words or framing else None
     settings = {name: value for name, value in vars(made).items() if name not in ("size", "outputs")}
-    session = Session(scene, camera=camera, title=title[:80], **settings)
+    session = Session(scene, title=title[:80], **settings)
+    if view_words or framing:
+        session.look_through(viewpoint.over(framing).camera_of(scene, made.size, session.subject))
     widget = Widget(size=made.size)
     widget.on_msg(lambda _, content, __: _answer(session, widget, content))
     return widget

@@ -19,6 +19,9 @@ import pytest
 from helpers.command import CUBE, GEAR, assert_refused, one_error, raster
 from helpers.raster import ROOT
 
+import rasterizer as rz
+from rasterizer.viewer.orbit import camera_flags
+
 
 def hold(url) -> socket.socket:
     """What a page holds open."""
@@ -85,6 +88,14 @@ def test_a_model_comes_from_stdin_and_what_may_be_a_mistake_is_told(capsys, monk
         "raster: - is shown at this address, to this machine alone; close the page or press Ctrl-C"
     )
     assert browser.startswith("raster: warning: no browser could be opened")
+
+
+def test_on_a_ground_the_shadow_is_framed_as_in_a_picture(capsys):
+    with viewing(capsys, CUBE, "--view", "front", "--ground", "--threads", "1") as (_, url):
+        page, seen = hold(url), status_of(url)["camera"]
+        page.close()
+    camera = rz.render(CUBE, (40, 30), view="front", ground=True, threads=1).camera
+    assert seen.startswith(camera_flags(camera, "y")), seen
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")

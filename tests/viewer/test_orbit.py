@@ -120,6 +120,21 @@ def test_a_cameras_aspect_stays_when_it_is_turned_and_loses_its_perspective():
     assert not deviations(other.position_of(edge, narrow), orbit.turned(10, 5).position_of(edge, narrow))
 
 
+def test_a_lens_comes_back_with_its_perspective():
+    wide = replace(rz.Camera.perspective((5, 4, 3), (0, 1, 0), fov=40), near=4.0, far=100.0)
+    names = ("fov", "near", "far", "intrinsics", "size", "skew", "aspect")
+    for camera in (wide, *CAMERAS.values()):
+        orbit = Orbit.of(camera, SCENE).turned(10, -5)
+        other = orbit.with_other_projection()
+        assert (other.lens.near, other.lens.far) == (camera.near, camera.far)
+        again = other.with_other_projection().camera
+        for name in names if camera.is_perspective else ():
+            assert getattr(again, name) == pytest.approx(getattr(camera, name)), f"{name} of {camera}"
+    flat = replace(rz.Camera.orthographic((0, 0, 50), (0, 0, 0), height=2.0), near=-10.0, far=100.0)
+    deep = Orbit.of(flat, SCENE).with_other_projection()
+    assert deep.lens.near is None and deep.lens.far == pytest.approx(50 + deep.distance)
+
+
 def test_a_point_behind_the_eye_is_nowhere():
     orbit = Orbit.of(CAMERAS["framed"], SCENE)
     eye, *_, forward = orbit.camera.view()

@@ -93,6 +93,14 @@ def test_the_first_view_comes_back_and_follows_the_shape_of_the_page(session):
     assert session.camera == session.scene.camera_for((30, 60))
 
 
+def test_on_a_ground_its_shadow_is_framed_too(scene):
+    for pressed, words in (([], {}), ([key("1")], {"view": "front"})):
+        session = Session(scene, threads=1, ground=True, shading="gouraud")
+        rest(session, *pressed)
+        assert session.camera == rz.render(scene, SIZE, ground=True, threads=1, **words).camera, words
+        session.close()
+
+
 def test_a_given_camera_is_looked_through_first(scene):
     camera = rz.Camera.perspective((3, 1, 2), fov=50)
     session = Session(scene, camera=camera, threads=1)

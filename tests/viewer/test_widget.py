@@ -27,6 +27,10 @@ def test_messages_of_its_cells_are_answered_and_faults_told():
     assert content["view"] == 3 and content["status"]["type"] == "image/png" and content["status"]["n_face"] == 12
     assert not differences(np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")), widget.frame.rgb)
     assert (widget.picked.x, widget.picked.y) == (40, 30) and widget.camera != widget.scene.camera_for((80, 60))
+    for words in ({"ground": True}, {"ground": True, "azimuth": 10}):
+        other = rz.view(widget.scene, (80, 60), threads=1, **words)
+        assert other.camera == rz.render(widget.scene, (80, 60), threads=1, **words).camera, words
+        other.close()
     ask({"view": 4, "message": {"size": 5}})
     assert sent[1][0]["view"] == 4 and "a message is an object of" in sent[1][0]["error"]
     ask({"message": message()})
