@@ -71,7 +71,7 @@ def add_flags(parser) -> None:
         help="also FLIP, 0 to 1 (needs flip-evaluator)")  # fmt: skip
     add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")
     add_camera(parser)
-    add_appearance(parser, is_compared=True)
+    add_appearance(parser, is_compared=True, is_measured=True)
 
 
 def run(request, messages, *, has_all, with_flip, seconds, **compared) -> tuple[list, int]:

@@ -161,9 +161,10 @@ def add_camera(parser, views=True, azimuth="about the up axis",
     has_seed : whether views and lights may be random
     """
     add = parser.add_argument_group(
-        "camera", "Without --eye the camera stands where the model fills the picture. The camera of a scene file is "
-        "used unless one of these flags other than --zoom is given; that of a model file is used with --camera file "
-        "alone.").add_argument
+        "camera", "Without --eye the camera stands where the model fills the picture. " + (
+            "The camera of a scene file is used unless one of these flags other than --zoom is given; that of a model "
+            "file is used with --camera file alone." if views else
+            "The camera of a scene file, or of a model file, is used with --camera file alone.")).add_argument
     parser.set_defaults(views=[])
     if views:
         legal = (*choices.VIEWS, "random:N") if has_seed else tuple(choices.VIEWS)
@@ -190,12 +191,13 @@ def add_camera(parser, views=True, azimuth="about the up axis",
         f"for {_Z_UP}, else y)")
 
 
-def add_appearance(parser, is_compared=False):
+def add_appearance(parser, is_compared=False, is_measured=False):
     """Add how models look, and how exactly and quickly they are drawn; return the group of the latter.
 
     Parameters
     ----------
     is_compared : leave out what methods that are compared say themselves, and what isn't compared
+    is_measured : leave out what changes no linear intensity, which alone is measured
     """
     group = parser.add_argument_group("shading")
     if not is_compared:
@@ -253,8 +255,9 @@ def add_appearance(parser, is_compared=False):
     add("--depth-cue", type=values.depth_cue, default=UNSAID, metavar="D[,start=S][,color=C]",
         help="fade to the colour C (default black) with distance: d units beyond S (default 0) the share D/(D+d) of a "
         "colour is left; none = no depth cue, whatever a scene file says")
-    _add_option(group, "color_range",
-                "colours brighter than white are cut off, or the picture is darkened, or the pixel")
+    if not is_measured:
+        _add_option(group, "color_range",
+                    "colours brighter than white are cut off, or the picture is darkened, or the pixel")
     _add_option(group, "exposure", "multiply the light by 2^STOPS, but not the background (default 0)", metavar="STOPS")
     _add_option(group, "spectral", f"compute with N samples of the spectrum, {MIN_WAVES} to {MAX_WAVES} "
                 "(default: 81 where a light or material has one, else three colours)", metavar="N")

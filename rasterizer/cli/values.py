@@ -143,7 +143,7 @@ def views(text) -> tuple[str, ...]:
             named(word)
         elif not 1 <= int(match[1] or 1) <= _MAX_VIEWS:
             raise argparse.ArgumentTypeError(f"random:N makes 1 to {_MAX_VIEWS} views; given {word!r}")
-    return tuple(dict.fromkeys(text.split(",")))
+    return tuple(text.split(","))
 
 
 views.legal = (*VIEWS, "random:20")  # for the completion of shells

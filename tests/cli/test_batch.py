@@ -303,6 +303,9 @@ def test_random_views_and_lights_are_those_of_the_library(folder, capsys):
     shutil.copy(CONE, "cone.obj")
     assert raster("render", *SIZE, CUBE, "--view", "random:2,random", "--seed", "7", "-o", "v/{view}.png") == 0
     assert sorted(os.listdir("v")) == [f"random-000{k}.png" for k in (7, 8, 9)]
+    twice = ["--view", "random,random", "--view", "top", "--view", "top"]
+    assert raster("render", *SIZE, CUBE, *twice, "-o", "w/{view}.png") == 0
+    assert sorted(os.listdir("w")) == ["random-0000.png", "random-0001.png", "top.png"]
     (folder / "lit.json").write_text('{"meshes": [{"file": "cone.obj"}], "preset": "headlight"}')
     for model, flags, words in (
         (CONE, "--shadows --ground", {"shadows": True, "ground": True}),

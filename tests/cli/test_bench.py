@@ -87,6 +87,7 @@ def test_what_is_refused_before_anything_is_measured(capsys, monkeypatch):
         ("--seconds 0", "--seconds"),
         ("--subdivisions 16", "subdivisions"),
         ("--shading flat", "--shading"),
+        ("--color-range scene", "unrecognized arguments"),
     )], "bench")  # fmt: skip
     for flag, module in (("--plot x.png", "matplotlib"), ("--flip", "flip_evaluator")):
         monkeypatch.setitem(sys.modules, module, None)  # as where it isn't installed
