@@ -10,8 +10,7 @@ from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from ..choices import ARRAY_SUFFIXES
-from ..errors import SceneError, counted
+from ..errors import counted
 from . import values
 from .flags import add_appearance, add_camera, add_models, add_output
 from .messages import QUIET, STDIO, aligned, print_text
@@ -84,12 +83,11 @@ def add_flags(parser) -> None:
 def run(request, messages, *, methods, has_reference) -> tuple[list, int]:
     """Compare the methods on every model; parameters, result and errors are those of `drawing.draw_models`."""
     from .drawing import draw_models
-    from .request import suffix_of
+    from .outputs import check_picture
 
-    if suffix_of(request.files.output) in ARRAY_SUFFIXES:
-        raise SceneError(f"compare writes pictures, no arrays; given {request.files.output}")
     request = replace(request, of_file=request.of_file - {"size"})  # a scene file's is that of one picture
-    return draw_models(request, messages, partial(_compare_model, methods=methods, has_reference=has_reference))
+    compare = partial(_compare_model, methods=methods, has_reference=has_reference)
+    return draw_models(request, messages, compare, check_picture)
 
 
 def _compare_model(targets, request, messages, output, methods, has_reference) -> None:

@@ -65,6 +65,7 @@ def plan_targets(request, check=None, n_frame=None) -> list[list[Target]]:
     models, views, files = list_models(request), request.views, request.files.asked
     if files[0][0] is None and not request.files.always_writes:
         return [[Target(model, view, None) for view in views] for model in models]
+    _check_format(request)
     frames = range(n_frame) if n_frame is not None and writes_frames(request) else [None]
     plan = []
     for model in models:
@@ -114,7 +115,7 @@ def plan_sheet(request) -> list[list[Target]]:
     template = _template(request.files.output, name, None, replace(request, views=(None,)))
     output = _fill(template, models[0], None, None, None, request)
     plan = [[Target(model, view, output) for view in request.views] for model in models]
-    _check_targets(plan[0][:1], models, request, check_output)
+    _check_targets(plan[0][:1], models, request, check_picture)
     return plan
 
 
@@ -148,6 +149,21 @@ def _escaped(text) -> str:
     return text.replace("{", "{{").replace("}", "}}")
 
 
+def _is_name(output) -> bool:
+    """Tell whether what -o says is the name of a file, or stdout, and no folder."""
+    return output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output))
+
+
+def _check_format(request) -> None:
+    """Refuse --format where all files have names of their own, and one of them another format."""
+    files, names = request.files, [output for output, _ in request.files.asked]
+    for output in names if files.format is not None and all(map(_is_name, names)) else ():
+        if output != STDIO and suffix_of(output) != suffix_of(f"x.{files.format.lstrip('.')}"):
+            where = "of files in a folder, without -o, or on stdout"
+            folder = "" if suffix_of(output) else f"; a folder is written {os.path.join(output, '')}"
+            raise SceneError(f"--format is that {where}; given --format {files.format} and -o {output}{folder}")
+
+
 def _template(output, name, arrays, request) -> str:
     """Return an output of a model as a template with a suffix.
 
@@ -159,7 +175,7 @@ def _template(output, name, arrays, request) -> str:
     """
     if output == "":
         raise SceneError("-o needs a name; given nothing")
-    if output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output)):
+    if _is_name(output):
         return output
     view = "-{view}" if len(request.views) > 1 else ""
     suffix = request.files.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"
@@ -199,7 +215,7 @@ def _check_targets(targets, models, request, check) -> None:
         kind = Path(target.output).suffix.lower(), target.arrays
         if kind not in checked:
             checked.add(kind)
-            check(target.output, target.arrays)
+            check(request.files.named(target.output), target.arrays)
     if not n_stdout:
         _check_places(targets, models, request)
     elif len(targets) > 1:
@@ -250,6 +266,14 @@ def check_output(output, array) -> None:
         raise SceneError(f"{output}: {error}{folder}") from None
 
 
+def check_picture(output, _) -> None:
+    """Raise SceneError where an output has no format of pictures, before anything is drawn: of a command that writes no
+    arrays."""
+    if suffix_of(output) in ARRAY_SUFFIXES:
+        raise SceneError(f"pictures are written, no arrays; given {output}")
+    check_output(output, None)
+
+
 def _check_arrays(suffix, output, names) -> None:
     """Refuse what a file of arrays can't hold."""
     from ..io.array_files import check_arrays
@@ -269,7 +293,7 @@ def is_picture_of(suffix, arrays) -> bool:
 
 def check_scale(files) -> None:
     """Refuse a scale for anything but the depth in a PNG file, or one that is not above 0."""
-    suffixes = [(suffix_of(output) or str(files.format).lower().lstrip("."), names) for output, names in files.asked]
+    suffixes = [(suffix_of(files.named(output)), names) for output, names in files.asked]
     if not any(suffix == "png" and "depth" in (names or ()) for suffix, names in suffixes):
         raise SceneError("--scale is that of depth in a PNG file: it needs --array depth and -o NAME.png")
     if files.scale != "auto" and not files.scale > 0:
@@ -293,20 +317,21 @@ def encode_sheet(image, output) -> bytes:
 
 def encode_target(frame, target, outputs, files) -> bytes:
     """Return a picture or arrays of a frame as the bytes of a file, as `Frame.save` writes it; on stdout PNG, one array
-    .npy, several .npz. EXR files of colour have alpha.
+    .npy, several .npz, unless --format says another. EXR files of colour have alpha.
 
     Parameters
     ----------
     outputs : of the frame, which a file of arrays holds where none are asked for
     files : Files, which says the scale of depth in PNG files, and whether pictures have a colour bar
     """
-    suffix = suffix_of(target.output)
+    output = files.named(target.output)
+    suffix = suffix_of(output)
     names = target.arrays or (outputs if suffix in ARRAY_SUFFIXES else None)
     if names is None or is_picture_of(suffix, names):
-        return encode_picture(frame.with_colorbar() if files.colorbar else frame, target.output)
+        return encode_picture(frame.with_colorbar() if files.colorbar else frame, output)
     if files.colorbar and names == ("rgb",):
         frame = frame.with_colorbar()
-    if target.output == STDIO:
+    if output == STDIO:
         suffix = "npy" if len(names) == 1 else "npz"
     if suffix == "exr" and "color" in names:
         names = (*names, "alpha")

@@ -64,10 +64,15 @@ class Files(NamedTuple):
         """The name behind the last -o."""
         return self.asked[-1][0]
 
+    def named(self, output: str | None) -> str | None:
+        """Return an output, or a name with the suffix that --format says, where it has none."""
+        is_said = self.format is not None and not suffix_of(output)
+        return f"{output or 'x'}.{self.format.lstrip('.')}" if self.format is not None and is_said else output
+
     @property
     def holds_arrays(self) -> bool:
         """Whether arrays are written, and no picture alone."""
-        return any(arrays for _, arrays in self.asked) or suffix_of(self.output) in ARRAY_SUFFIXES
+        return any(arrays for _, arrays in self.asked) or suffix_of(self.named(self.output)) in ARRAY_SUFFIXES
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -296,7 +301,7 @@ def _numbered_views(words: Any, seed: int | None, has_random_lights: bool) -> tu
             continue
         names += [f"{RANDOM}-{number + k:04}" for k in range(int(count or 1))]
         number += int(count or 1)
-    return tuple(names) or (None,), seed
+    return tuple(dict.fromkeys(names)) or (None,), seed
 
 
 def _make_viewpoint(view_words: dict[str, Any], views: Any, up: str | None, size: tuple[int, int]) -> Viewpoint:

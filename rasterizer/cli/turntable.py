@@ -62,13 +62,14 @@ def run(request, messages, *, frames, seconds, fps, turn, loop) -> tuple[list, i
     """Turn every model; parameters, result and errors are those of `drawing.draw_models`."""
     from ..io.animation import Timing
     from .drawing import draw_models
-    from .outputs import writes_frames
+    from .outputs import check_picture, writes_frames
 
     frames, seconds = _work_out(frames, seconds, fps)
     if not 0 <= loop <= 65535:
         raise SceneError(f"--loop must be within 0..65535, 0 = again and again; given {loop}")
     angles = [turn * k / frames for k in range(frames)]
-    check = None if writes_frames(request) else partial(_check_animation, frames=frames, seconds=seconds, fps=fps)
+    check = partial(_check_animation, frames=frames, seconds=seconds, fps=fps)
+    check = check_picture if writes_frames(request) else check
     draw = partial(_turn_model, angles=angles, timing=Timing(seconds, loop))
     return draw_models(request, messages, draw, check, frames)
 
@@ -106,7 +107,7 @@ def _check_animation(output, _arrays, frames, seconds, fps) -> None:
 
 def _suffix_of(output) -> str:
     """The suffix that chooses the format; GIF for stdout."""
-    return ".gif" if output == STDIO else Path(output).suffix
+    return ".gif" if output == STDIO else Path(output).suffix.lower()
 
 
 def _cameras(angles, model, loaded, subject) -> list:

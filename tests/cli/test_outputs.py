@@ -277,6 +277,24 @@ def test_stdout_takes_one_array_or_several(capfdbinary):
         assert list(found) == ["mask", "face"]
 
 
+def test_a_format_is_that_of_stdout_or_refused(capfdbinary):
+    for argv, start in (("", b"\x89PNG"), ("--format jpg", b"\xff\xd8"), ("--format .WEBP", b"RIFF"),
+                        ("--format npz", b"PK"), ("--array depth --format png --scale 1", b"\x89PNG")):  # fmt: skip
+        assert run(CUBE, "-o", "-", *argv.split()) == 0
+        assert capfdbinary.readouterr().out.startswith(start), argv
+    assert run(CUBE, "-o", "x.jpg", "--format", "JPG") == run(CUBE, "-o", ".", "--format", "npy") == 0
+    assert np.load("cube.npy").dtype == np.float32, "as of -o x.npy"
+
+
+def test_a_format_that_no_output_takes_is_refused(capsys):
+    assert_refused(capsys, [([CUBE, *argv.split()], words) for argv, words in (
+        ("-o x --format jpg", "a folder is written x"),
+        ("-o x.png --format jpg", "given --format jpg and -o x.png"),
+        ("-o - --format nope", "no format to write"),
+        ("-o - --format exr --array rgb --array depth", "exr"),
+    )], "render")  # fmt: skip
+
+
 @pytest.fixture
 def globe(folder):
     """A textured model, whose default picture would be named like its texture."""

@@ -107,6 +107,8 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
         ("--columns 2 --rows 2", "one of them says the other"),
         ("--gap -1", "--gap must be at least 0"),
         ("-o x.foo", "no format to write"),
+        ("-o x.npy", "pictures are written, no arrays; given x.npy"),
+        ("-o x.exr", "pictures are written, no arrays"),
         ("--view front,side", "given 'front,side'"),
         ("--zoom -1", "--zoom must be above 0"),
     )], "sheet")  # fmt: skip

@@ -13,6 +13,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
+from rasterizer.cli.parser import make_command_parser
 from rasterizer.scene.camera import turned_cameras
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -88,6 +89,7 @@ def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
         ("--loop -1", "--loop must be within"),
         ("-o x.jpg", "x.jpg: moving pictures are written as .gif"),
         ("-o x", "the name has no suffix"),
+        ("-o f-{frame}.npz", "pictures are written, no arrays"),
         ("--elevation 95", "elevation must be within"),
         ("--zoom 0", "--zoom must be above 0"),
         ("--view top", "unrecognized arguments"),
@@ -151,6 +153,17 @@ def test_a_camera_file_may_say_how_to_frame_the_model(folder):
     assert open("a.png", "rb").read() == open("b.png", "rb").read()
 
 
+def test_the_camera_of_a_scene_file_is_used_where_it_is_asked_for_as_the_help_says():
+    cube = rz.load(CUBE)
+    for camera in (None, rz.Camera.perspective((4, 3, 2), (0, 0, 0))):
+        rz.save(rz.Scene(cube.meshes, lights=cube.lights, camera=camera), name := f"{camera is None}.json")
+        assert run(name, "-o", "{stem}.png") == 0
+    assert open("True.png", "rb").read() == open("False.png", "rb").read()
+    for command, is_used in (("turntable", False), ("render", True)):
+        text = " ".join(make_command_parser(command).format_help().split())
+        assert ("The camera of a scene file is used unless" in text) is is_used, command
+
+
 def test_a_camera_that_looks_down_the_axis_turns_its_picture():
     camera = rz.Camera.look_at((0, 5, 0), (0, 0, 0), "y")
     tops = [c.view().up for c in turned_cameras(camera, [0, 90, 180], (0, 1, 0), np.zeros(3))]
@@ -168,6 +181,7 @@ def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_of_each_model(cap
     kept = open("cube.gif", "rb").read()
     for argv in (["--no-ground"], ["-q", "--ground"]):
         assert turn("-o", "cube.gif", *argv) == 0 and open("cube.gif", "rb").read() == kept, argv
+    assert turn("-o", "x.GIF", "--ground") == 1 and open("x.GIF", "rb").read() == kept
     assert turn("-o", "x.webp", "--ground") == 0
     assert turn("-o", "x.gif", "--ground", "--background", "white") == 0
     white = pictures("x.gif")[0][..., :3].astype(int)
