@@ -30,7 +30,7 @@ from ..scene.validate import whole
 
 MAX_PROCESSES = 1024
 LONGEST_RUN = 8  # pictures of a job
-_MOST_ALONE = 2  # times that a picture is drawn alone before it is named as what ends processes
+MOST_ALONE = 2  # times that a picture is drawn alone before it is named as what ends processes
 _SOON = 5.0  # seconds in which an executor that is broken says so to all who wait
 _MAX_FAILED = 2  # times that processes are started once more, because the first one ended before it had started
 MAX_SHARED = 2  # models that a process keeps, of those that it was sent
@@ -121,44 +121,12 @@ def work_through(
             yield done, outcome
 
 
-def replace_job(
-    job: Job, outcome: Done | Died | Failed, divide: Callable[[Job], list[Job]], load: Callable[[Job], list[Job]]
-) -> list[Job]:
-    """Return what takes the place of a job of some pictures: the pictures one by one where something went wrong, or the
-    same job with its model where the function returned None, as it doesn't see the model's file; none else.
-
-    Parameters
-    ----------
-    divide : returns a job for each picture of one
-    load : returns a job that has its model; none where it can't be loaded
-    """
-    if isinstance(outcome, Done):
-        return [] if outcome.value is not None else load(job)
-    n_alone = job.n_alone + 1 if isinstance(outcome, Died) else 0
-    parts = [] if n_alone > _MOST_ALONE else divide(job)
-    if isinstance(outcome, Failed) and len(parts) == 1:
-        return []
-    for part in parts:
-        part.n_alone = n_alone
-    return parts
-
-
-def died_once(outcome: Died) -> str:
-    """Return what is said of a model that was lost with a process, and is drawn once more."""
-    return f"a process {outcome.how}; its pictures are drawn once more"
-
-
 def make_error(name: str, outcome: Died | Failed) -> RasterizerError:
     """Return what is said of a model that no process has drawn."""
     if isinstance(outcome, Died):
         return RasterizerError(f"{name}: the process that drew it {outcome.how}, twice")
     fault = outcome.error
     return SceneError(f"{name}: can't be drawn by another process: {type(fault).__name__}: {fault}")
-
-
-def pictures_per_job(pool: "Pool", n_picture: int) -> int:
-    """Return how many pictures of a model one job draws: fewer where few are left, so that all processes have some."""
-    return max(1, min(LONGEST_RUN, n_picture // pool.n_slot))
 
 
 # ---------------------------------------------------------------- who works on them

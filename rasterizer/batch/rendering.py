@@ -29,17 +29,15 @@ from .draw_run import Drawn, Run, draw_run, identify, load_model_of, plain_error
 from .manifest import Manifest, depth_scale
 from .pools import (
     LONGEST_RUN,
+    MOST_ALONE,
     Died,
     Done,
     Failed,
     Job,
     Pool,
     SharedObject,
-    died_once,
     make_error,
     make_pool,
-    pictures_per_job,
-    replace_job,
     work_through,
 )
 from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask, is_random
@@ -331,7 +329,7 @@ class Batch:
 
     def _next_job(self) -> Job:
         """Return what is drawn next, of what waits; it ends with all files that one view is drawn for."""
-        n = pictures_per_job(self._pool, len(self._waiting))
+        n = max(1, min(LONGEST_RUN, len(self._waiting) // self._pool.n_slot))  # all processes shall have some
         items = [self._waiting.popleft()]
         while self._waiting and self._waiting[0].has_model_of(items[0]):
             if len(items) >= n and not self._waiting[0].shows_what(items[-1]):
@@ -352,12 +350,19 @@ class Batch:
     # --- outcomes to records
 
     def _follow_up(self, job: Job, outcome: Done | Died | Failed) -> list[Job]:
-        instead = replace_job(
-            job, outcome, lambda job: [self._job_of([item]) for item in job.note.items], self._send_model
-        )
-        if isinstance(outcome, Died):
-            for each in instead:
-                each.note = each.note._replace(warnings=(f"{job.note.run.name}: {died_once(outcome)}",))
+        """Return what takes the place of a job: its pictures one by one where something went wrong, or the same job
+        with its model where that isn't seen there; none else."""
+        if isinstance(outcome, Done):
+            return [] if outcome.value is not None else self._send_model(job)
+        items, n_alone = job.note.items, job.n_alone + 1 if isinstance(outcome, Died) else 0
+        if n_alone > MOST_ALONE or (isinstance(outcome, Failed) and len(items) == 1):
+            return []
+        instead = [self._job_of([item]) for item in items]
+        for each in instead:
+            each.n_alone = n_alone
+            if isinstance(outcome, Died):
+                text = f"{job.note.run.name}: a process {outcome.how}; its pictures are drawn once more"
+                each.note = each.note._replace(warnings=(text,))
         return instead
 
     def _send_model(self, job: Job) -> list[Job]:
