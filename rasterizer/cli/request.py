@@ -16,32 +16,17 @@ from ..appearance import TEXTURES, Appearance
 from ..choices import ARRAY_SUFFIXES, BUFFERS, RANDOM
 from ..errors import ModelError, SceneError, cut, named_in_errors
 from ..io.array_files import read_npy
+from ..io.camera_file import viewpoint_of
 from ..io.loader import SceneFile
 from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.lights import Shadow
-from ..scene.material import REFLECTION_MODELS
-from ..scene.plugins import find_plugin
 from ..scene.scalars import ScalarWords
 from ..scene.scene import DepthCue, Scene
 from ..viewpoint import Viewpoint, check_words, is_path, words_given, zoomed
 from .flags import EVERY, UNSAID
 from .values import make_light
-
-_VIEWPOINT = ("camera", "azimuth", "elevation", "fov", "ortho", "zoom", "margin", "eye", "target")
-_LOOK = ("preset", "background", "color", "reflection", "crease_angle", "weighting", "subdivide", "drop_bad_faces",
-         "allow_outside", "scalars", "cmap", "clim")  # fmt: skip
-_FILES = (
-    "default_name",
-    "default_suffix",
-    "always_writes",
-    "scale",
-    "skip_existing",
-    "colorbar",
-    "may_be_empty",
-    "format",
-)
 
 
 class Files(NamedTuple):
@@ -145,7 +130,7 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     take = left.pop
     can_be_random, is_compared = "seed" in left, "shading" not in left
     asked = _asked_files(take("files", ()), take("output", None), take("outputs", None))
-    files = Files(asked, **{name: left.pop(name) for name in _FILES if name in left})
+    files = Files(asked, **{name: left.pop(name) for name in Files._fields if name in left})
     is_shown = any(suffix_of(name) not in ARRAY_SUFFIXES and "rgb" in (arrays or ("rgb",)) for name, arrays in asked)
     if files.colorbar and not is_shown:
         raise SceneError("--colorbar is drawn beside a picture: give -o a picture, or --array rgb")
@@ -160,19 +145,16 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     is_random = can_be_random and RANDOM in lights
     if is_random and len(lights) > 1:
         raise SceneError("--light random takes the place of all lights; given another --light beside it")
-    view_words = {
-        name: take(name, default)
-        for name, default in {**dict.fromkeys(_VIEWPOINT), "ortho": False, "zoom": 1.0}.items()
-    }
+    view_words = {each.name: take(each.name, each.default) for each in fields(Viewpoint) if each.name != "view"}
     given_seed = take("seed", None)
     views, seed = _numbered_views(take("views", []), given_seed, is_random)
     shadow_fields = {"size": take("shadow_size", None), "filter": take("shadow_filter", None)}
     shadow_fields = {name: value for name, value in shadow_fields.items() if value is not None}
     shadow = Shadow(**shadow_fields)  # of lights that cast one and don't say its size and filter themselves
     has_shadows = take("shadows", False)
-    words = {name: left.pop(name) for name in _LOOK if name in left}
-    words |= {"format": take("input_format", None), "up": up}
     cue = take("depth_cue", UNSAID)
+    words = {each.name: left.pop(each.name) for each in fields(Appearance) if each.name in left}
+    words |= {"format": take("input_format", None), "up": up}
     words |= {"shadows": shadow if has_shadows else False, "depth_cue": None if cue == UNSAID else _depth_cue(cue)}
     scalars = words.get("scalars")
     if suffix_of(scalars) == "npy":
@@ -263,10 +245,6 @@ def _make_appearance(words: dict[str, Any], materials: list[dict[str, Any]]) -> 
     material, reflection = {}, words.get("reflection")
     for given in materials:
         material |= given
-    for word, flag in ((reflection, "--reflection"), (material.get("reflection"), "--material: reflection")):
-        find_plugin(word, REFLECTION_MODELS)
-        if word is not None and word not in REFLECTION_MODELS:
-            raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
     if not material:
         return Appearance(**words)
     with named_in_errors("--material"):
@@ -315,12 +293,7 @@ def _make_viewpoint(view_words: dict[str, Any], views: Any, up: str | None, size
         given = ["camera"] * (view_words["camera"] not in (None, "frame")) + words_given(view_words | {"view": None})
         if given:
             raise SceneError(f"a random view is framed by its seed; given --view random, --{', --'.join(given)}")
-    if not is_path(view_words["camera"]):
-        viewpoint = Viewpoint(**view_words)
-    else:
-        from ..io.camera_file import viewpoint_of  # only here: most pictures need no file
-
-        viewpoint = viewpoint_of(view_words)
+    viewpoint = viewpoint_of(view_words)
     if view_words["camera"] != "file" and (named != [None] or words_given(view_words | {"view": None})):
         box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (view_words["eye"] or (0.0, 0.0, 0.0))
         scene = SimpleNamespace(camera=None, bounds=box, up="y" if up in (None, "auto") else up)

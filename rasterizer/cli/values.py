@@ -7,7 +7,7 @@ before a light is made.
 import argparse
 import re
 
-from ..choices import DISTRIBUTIONS, EDGE_TYPES, VIEWS
+from ..choices import EDGE_TYPES, VIEWS
 from ..errors import SceneError, faults_of
 
 _MAX_PROCESSES = 1024
@@ -156,17 +156,6 @@ def seed(text) -> int:
     return int(text)
 
 
-def word_of(legal):
-    """The type of a word out of `legal`."""
-
-    def word(text) -> str:
-        if text not in legal:
-            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}")
-        return text
-
-    return word
-
-
 def depth_cue(text):
     """SCALE[,start=S][,color=C] as the arguments of a DepthCue, or none."""
     if text == "none":
@@ -246,10 +235,10 @@ MATERIAL_FIELDS = {  # all of a Material but its name: how each is read
     "opacity": number,
     "texture": _or_none(str),
     "alpha_cutoff": _or_none(number),
-    "reflection": str,  # which models there are is known once the scene is imported
+    "reflection": str,  # words are checked by the Material: which models there are is known once the scene is imported
     "roughness": _roughness,
     "tangent": _tangent,
-    "distribution": word_of(DISTRIBUTIONS),
+    "distribution": str,
     "fresnel": _or_none(color),
     "metallic": number,
     "metal": _or_none(color),
