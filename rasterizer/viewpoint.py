@@ -127,8 +127,6 @@ class Viewpoint:
         scene: Scene,
         size: tuple[int, int],
         subject: Callable[[], Any] | None = None,
-        *,
-        has_target: bool = True,
     ) -> list[Camera]:
         """Make the cameras of a turntable, as many degrees from the first one as the angles say: they keep a distance
         that shows the subject from all sides, or one that is given goes round what it looks at.
@@ -137,12 +135,10 @@ class Viewpoint:
         ----------
         angles : degrees
         scene, size, subject : as in `camera_of`
-        has_target : whether the scene's own camera looks at its target, or just into its direction
         """
-        is_own = self.of_file is not None
-        if is_own or self.eye is not None or isinstance(self.camera, Camera):
+        if self.of_file or self.eye is not None or isinstance(self.camera, Camera):
             camera = self.camera_of(scene, size, subject)
-            pivot = pivot_of(camera, scene.bounds, has_target=has_target or not is_own)
+            pivot = pivot_of(camera, scene.bounds)
             return turned_cameras(camera, angles, AXES[scene.up], pivot)
         settings = self.framing(scene.up, size)
         start = settings.pop("azimuth")

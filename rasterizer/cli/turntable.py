@@ -110,17 +110,6 @@ def _suffix_of(output) -> str:
     return ".gif" if output == STDIO else Path(output).suffix.lower()
 
 
-def _cameras(angles, model, loaded, subject) -> list:
-    """The cameras of a round; a full one ends a step before it would begin again. A model's own camera has a target in
-    scene files alone; other formats know a direction."""
-    from ..io import formats
-
-    request = loaded.request
-    entry = formats.find(request.appearance.format or Path(model).suffix)
-    has_target = entry is not None and entry.is_scene
-    return request.at(None).cameras_round(angles, loaded.scene, request.options.size, subject, has_target=has_target)
-
-
 class _Frames:
     """The frames of a round, drawn when they are asked for.
 
@@ -175,7 +164,8 @@ def _turn_model(targets, request, messages, output, angles, timing) -> None:
             f"{model}: a transparent GIF has no shadow on the ground; with --background, or as .webp, it has"
         )
     with Renderer(scene, options=options) as renderer, closing(Bar(messages)) as bar:
-        cameras = _cameras(angles, model, loaded, lambda: renderer.subject)
+        viewpoint = loaded.request.at(None)
+        cameras = viewpoint.cameras_round(angles, loaded.scene, options.size, lambda: renderer.subject)
         frames = _Frames(renderer, cameras, lambda k, n: bar.show(k, n, f"drawing {model}"))
         warnings = picture_warnings(frames.first, scene, request, cameras[0], model)
         messages.warn(*warnings)

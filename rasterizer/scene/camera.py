@@ -610,22 +610,19 @@ def turned_cameras(
     return found
 
 
-def pivot_of(
-    camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0, has_target: bool = True
-) -> NDArray[np.float64]:
+def pivot_of(camera: Camera, bounds: NDArray[np.float64], nearest: float = 0.0) -> NDArray[np.float64]:
     """Return the point (3,), world space, that a camera turns about: what it looks at.
 
-    The target of a camera that was made of a calibration, or came from a file, lies anywhere on its axis. It turns
-    about the point of its axis that is as far away as the scene's middle.
+    The target of a camera that was made of a calibration lies anywhere on its axis. It turns about the point of its
+    axis that is as far away as the scene's middle.
 
     Parameters
     ----------
     camera : Camera
     bounds : (2, 3) of the scene
     nearest : that the point of such a camera is away at least, in diagonals of the scene's box
-    has_target : whether the camera looks at its target, or just into its direction
     """
-    if has_target and camera.intrinsics is None:
+    if camera.intrinsics is None:
         return np.array(camera.target)
     eye, _, _, forward = camera.view()
     low, high = bounds
