@@ -129,15 +129,8 @@ class Orbit:
 
     def position_of(self, p_world: Array, size: Size) -> tuple[float, float] | None:
         """Return where a point (3,), world space, is seen: in pixels of a picture of `size`; None behind the eye."""
-        eye, right, up, forward = self.camera.view()
-        projection = self.lens.projection(size)
-        r = p_world - eye
-        w = float(r @ forward) if projection.is_perspective else 1.0
-        if w <= 0.0:
-            return None
-        across, upward = float(r @ right), float(r @ up)
-        x = projection.center_x + (projection.scale_x * across - projection.skew * upward) / w
-        return x, projection.center_y - projection.scale_y * upward / w
+        (x, y), _ = self.camera.project(p_world, size)
+        return None if np.isnan(x) else (float(x), float(y))
 
     def _pixels_per_unit(self, size: Size) -> tuple[float, float]:
         """Pixels for each scene unit in the plane through the pivot, across and upwards."""

@@ -161,9 +161,9 @@ class _Pages:
 class _Refusal(Exception):
     """A request is answered with a status and a line of text."""
 
-    def __init__(self, status: HTTPStatus, text: str, **headers: str) -> None:
+    def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)
-        self.status, self.text, self.headers = status, text, headers
+        self.status, self.text = status, text
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -187,7 +187,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             work(self._checked_name())
         except _Refusal as refusal:
-            self._send(refusal.status, f"{refusal.text}\n".encode(), headers=refusal.headers, is_last=True)
+            self._send(refusal.status, f"{refusal.text}\n".encode(), is_last=True)
         except TimeoutError:
             self.close_connection = True
 
@@ -211,16 +211,12 @@ class _Handler(BaseHTTPRequestHandler):
         elif name in _FILES:
             file, media_type = _FILES[name]
             self._send(HTTPStatus.OK, (_FOLDER / file).read_bytes(), media_type)
-        elif name == "frame":
-            raise _Refusal(HTTPStatus.METHOD_NOT_ALLOWED, "a picture is asked for by POST", Allow="POST")
         else:
             raise _Refusal(HTTPStatus.NOT_FOUND, "there is nothing of this name")
 
     def _post(self, name: str) -> None:
         if name != "frame":
-            is_there = name in _FILES or name == "alive"
-            status = HTTPStatus.METHOD_NOT_ALLOWED if is_there else HTTPStatus.NOT_FOUND
-            raise _Refusal(status, "only pictures are asked for by POST", Allow="GET")
+            raise _Refusal(HTTPStatus.NOT_FOUND, "only pictures are asked for by POST")
         try:
             message = json.loads(self._read_body())
         except (ValueError, RecursionError):
@@ -256,12 +252,10 @@ class _Handler(BaseHTTPRequestHandler):
         content: bytes,
         media_type: str = "text/plain; charset=utf-8",
         *,
-        headers: dict[str, str] | None = None,
         is_last: bool = False,
     ) -> None:
         """Send an answer; the connection is closed after one that refuses, whose body may not have been read."""
-        own = {"Content-Type": media_type, "Content-Length": str(len(content))}
-        self._send_head(status, own | (headers or {}), is_last)
+        self._send_head(status, {"Content-Type": media_type, "Content-Length": str(len(content))}, is_last)
         if self.command != "HEAD":
             self.wfile.write(content)
 

@@ -10,14 +10,13 @@ file: the picture that `rasterizer.render` draws through the same camera, byte f
 import math
 import threading
 from collections import OrderedDict
-from dataclasses import fields, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError, shown
 from ..frame import Frame
 from ..locks import renew_in_child
 from ..options import Options
@@ -28,13 +27,12 @@ from ..scene.color import linear_rgb
 from ..scene.lights import PRESETS, studio
 from ..scene.scene import Scene
 from ..viewpoint import Viewpoint
-from .controls import LIGHTS, SHADINGS, Aim, State, apply, describe_pick, projection_of, read_message
+from .controls import LIGHTS, Aim, State, apply, describe_pick, projection_of, read_message
 from .orbit import Orbit, camera_flags
 
 PAPER = "#ffffff"  # behind the scene until a page says what its own is
 _QUALITY = 85  # of JPEG files
 _MAX_RENDERERS = 3  # kept: for pictures at rest, for those that move, and the one used before
-_OWN = ("size", "shading", "samples", "outputs")  # options that the viewer chooses itself, or names
 
 DIVISORS = (1, 2, 4, 8)  # of the sides of the picture
 BUDGET = 30.0  # milliseconds for a picture: 33 a second
@@ -77,16 +75,8 @@ class Session:
         samples: int = Options.samples,
         **options: Any,
     ) -> None:
-        legal = [field.name for field in fields(Options) if field.name not in _OWN]
-        for name in options:
-            if name not in legal:
-                raise SceneError(f"the viewer has no option {name!r}; legal are shading, samples, {', '.join(legal)}")
         shading = "flat" if shading == "lambert" else shading
-        if shading not in SHADINGS:
-            raise SceneError(f"shading must be one of {', '.join(SHADINGS)}; given {shown(shading)}")
-        if camera is not None and not isinstance(camera, Camera):
-            raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
-        Options(samples=samples, **options)  # type: ignore[arg-type]  # what is not legal is refused at once
+        Options(shading=shading, samples=samples, **options)  # type: ignore[arg-type]  # what is not legal is refused at once
         self.scene, self.title = scene, title or "scene"
         self._camera, self._samples, self._options = camera, samples, options
         self._state = State(None, shading, LIGHTS[0])
@@ -273,13 +263,9 @@ class Resolution:
     cheaper with fewer pixels. So a larger one is drawn only where four times the time of the smaller one is within the
     budget: then it can't be too slow, and sizes don't alternate.
 
-    Parameters
-    ----------
-    budget : milliseconds that a picture may take, above 0
     """
 
-    def __init__(self, budget: float = BUDGET) -> None:
-        self._budget = budget
+    def __init__(self) -> None:
         self._level = 0  # in DIVISORS
         self._mean: float | None = None  # milliseconds of pictures of this size
 
@@ -297,9 +283,9 @@ class Resolution:
         """Take down how long a picture of this size has taken, and choose the next one's."""
         mean = milliseconds if self._mean is None else _KEPT * self._mean + (1.0 - _KEPT) * milliseconds
         self._mean = mean
-        if mean > _MARGIN * self._budget and self._level + 1 < len(DIVISORS):
+        if mean > _MARGIN * BUDGET and self._level + 1 < len(DIVISORS):
             self._level += 1
             self._mean = None
-        elif 4.0 * mean <= self._budget and self._level > 0:
+        elif 4.0 * mean <= BUDGET and self._level > 0:
             self._level -= 1
             self._mean = None

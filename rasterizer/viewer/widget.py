@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..appearance import Appearance
-from ..errors import SceneError, error_of, install_command
+from ..errors import SceneError, error_of, import_extra
 from ..frame import Frame
 from ..io.camera_file import viewpoint_of
 from ..keywords import divided, takes_words
@@ -78,13 +78,8 @@ def view(
     SceneError : an option that is not legal; anywidget is missing
     ModelError : a model that can't be read
     """
-    try:
-        import anywidget
-        import traitlets
-    except ModuleNotFoundError as fault:
-        if fault.name not in ("anywidget", "traitlets"):
-            raise
-        raise SceneError(f"view needs {fault.name}: {install_command('notebook')}") from fault
+    anywidget: Any = import_extra("anywidget", "notebook", "view", SceneError)
+    traitlets: Any = import_extra("traitlets", "notebook", "view", SceneError)
 
     class Widget(anywidget.AnyWidget):  # a SceneView
         _esm = _FOLDER / "viewer.js"
