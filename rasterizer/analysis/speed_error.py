@@ -40,6 +40,7 @@ _MEASURED = 0.6  # share of the time limit in which calls take turns; the rest i
 _FINER = 2  # of the ground truth: pixels along each axis of a pixel, of 16 samples each, a grid of 8 x 8
 _ALIKE = 1.1  # errors within 10 % of each other are alike: no eye tells them apart
 _AS_QUICK = 1.05, 1.25  # times within 5 % are, and within 25 % those that vary by more than they differ
+_SAMPLES = 4  # a pixel, of the methods that are advised, or the nearest that were measured
 _NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud", "phong": "Phong"}
 _TIMES = {0: "", 1: ", subdivided once", 2: ", subdivided twice"}
 
@@ -380,7 +381,7 @@ def printed(error: float) -> float:
 # ---------------------------------------------------------------- the advice
 
 
-def advise(rows: Sequence[Row], left_out: Sequence[Method] = (), samples: int = 4) -> str:
+def advise(rows: Sequence[Row], left_out: Sequence[Method] = ()) -> str:
     """Say in a sentence or two which method to choose.
 
     With a fixed number of samples, that is the quickest method whose error is within 10 % of the least. Of those whose
@@ -389,7 +390,7 @@ def advise(rows: Sequence[Row], left_out: Sequence[Method] = (), samples: int = 
     """
     if not rows:
         return ""
-    samples = min((row.method.samples for row in rows), key=lambda n: abs(n - samples))
+    samples = min((row.method.samples for row in rows), key=lambda n: abs(n - _SAMPLES))
     rows = [row for row in rows if row.method.samples == samples]
     best = min(rows, key=lambda row: row.error.rms)
     alike = [row for row in rows if row.error.rms <= _ALIKE * best.error.rms]

@@ -10,14 +10,10 @@ from .speed_error import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-
-# ----------------------------------------------------------------
-# What all plots share: colours, logarithmic axes that read as plain numbers, and the bytes of a file.
 
 FORMATS = (".png", ".svg", ".pdf")
-GREY, ORANGE, BLUE, GREEN = "#7f7f7f", "#d55e00", "#0072b2", "#009e73"  # Okabe & Ito 2008, for any eye
+GREY, ORANGE, BLUE = "#7f7f7f", "#d55e00", "#0072b2"  # Okabe & Ito 2008, for any eye
 COLORS = {"flat": GREY, "lambert": GREY, "gouraud": ORANGE, "phong": BLUE}
 
 
@@ -26,38 +22,10 @@ def check_plotting() -> None:
     require("matplotlib", "matplotlib", "a plot")
 
 
-def figure_bytes(figure: "Figure", suffix: str, dpi: int = 110) -> bytes:
-    """Draw a figure, as the bytes of a file: the same ones each time.
-
-    Parameters
-    ----------
-    figure : matplotlib's
-    suffix : one of FORMATS
-    dpi : pixels an inch, of a PNG file
-    """
-    import matplotlib
-
-    written = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rasterizer"}):
-        metadata = {"Date": None} if suffix == ".svg" else None
-        figure.savefig(written, format=suffix.lstrip("."), dpi=dpi, metadata=metadata)
-    return written.getvalue()
-
-
-def make_logarithmic(axes: "Axes", y_subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
-    """Give both axes of a plot logarithms, with ticks at 1, 2, 5, 10 ... that read as plain numbers."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    axes.set(xscale="log", yscale="log")
-    for axis, subs in ((axes.xaxis, (1.0, 2.0, 5.0)), (axes.yaxis, y_subs)):
-        axis.set_major_locator(LogLocator(subs=subs, numticks=30))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
-
-
 _PALER = 0.45  # of a method's colour towards white, for each subdivision
 _MARKERS = {1: "v", 4: "o", 9: "D", 16: "s"}
 _SIZE = (9.0, 6.0)  # inches
+_DPI = 120  # pixels an inch, of a PNG file
 _MIN_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
 
 
@@ -75,7 +43,9 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     SceneError : matplotlib isn't installed
     """
     check_plotting()
+    import matplotlib
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     figure = Figure(figsize=_SIZE, layout="constrained")
     axes = figure.add_subplot()
@@ -83,12 +53,20 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     _draw_front(axes, [row for row in rows if not row.is_beaten])
     axes.set(title=title, xlabel="milliseconds a frame")
     axes.set_ylabel("error (rms, linear intensity) against Phong at 64 samples a pixel")
-    make_logarithmic(axes)
+    axes.set(xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):  # ticks at 1, 2, 5, 10 ... that read as plain numbers
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=30))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
     axes.margins(0.08)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="best", fontsize=9)
-    return figure_bytes(figure, suffix, dpi=120)
+    written = io.BytesIO()
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rasterizer"}):  # the same bytes each time
+        metadata = {"Date": None} if suffix == ".svg" else None
+        figure.savefig(written, format=suffix.lstrip("."), dpi=_DPI, metadata=metadata)
+    return written.getvalue()
 
 
 def _draw_rows(axes: "Axes", rows: Sequence[Row]) -> None:
