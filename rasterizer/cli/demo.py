@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from .flags import add_appearance, add_camera, add_loading, add_output
+from .flags import add_appearance, add_camera, add_output
 
 IMPORTS = ("drawing",)
 _SIZE = (800, 500)
@@ -21,7 +21,7 @@ def add_flags(parser) -> None:
     parser.set_defaults(models=())
     add_output(parser, "demo", _SIZE)
     add_camera(parser)
-    add_loading(add_appearance(parser))
+    add_appearance(parser)
 
 
 def run(request, messages) -> tuple[list, int]:

@@ -65,12 +65,6 @@ def add_models(parser) -> None:
         help="format of the models, whatever their suffix; needed for stdin")
     add("--recursive", action="store_true",
         help="search folders, and those below, for models; outputs are put into folders of the same names")
-    add_loading(group)
-
-
-def add_loading(group) -> None:
-    """Add what is accepted of models."""
-    add = group.add_argument
     add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
     add("--allow-outside", action="store_true",
         help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them")
@@ -100,7 +94,7 @@ def add_output(parser, default_name, size, suffix=".png", fields="{stem} {ext} {
     add_size(group, size)
     if has_arrays:
         group.add_argument("--format", metavar="NAME",
-            help="format of files in a folder, or without -o: png (default), jpg, webp ..., or that of arrays")
+            help="format of files in a folder, without -o or on stdout: png (default), jpg, webp ..., or of arrays")
         group.add_argument("--colorbar", action="store_true", help="draw a colour bar beside pictures of --scalars")
     group.add_argument("--skip-existing", action="store_true", help="leave out outputs that are there already")
     add_json(group, "print a line of JSON for each picture on stdout (on stderr with -o -)")

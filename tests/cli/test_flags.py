@@ -80,7 +80,7 @@ def test_lights():
 ARRAYS = "array scale min-opacity format colorbar seed"  # what writes pictures alone has no flags of arrays
 LACKING = {
     "batch": "", "turntable": f"{ARRAYS} processes view", "sheet": f"{ARRAYS} processes",
-    "demo": f"{ARRAYS} processes input-format recursive",  # there is one model
+    "demo": f"{ARRAYS} processes input-format recursive drop-bad-faces allow-outside",  # there is one model
     "compare": f"{ARRAYS} processes shading samples tolerance edges edge-color edge-width ground no-ground",
     "view": f"{ARRAYS} output size skip-existing processes json",  # pictures are shown, and as large as the page
 }  # fmt: skip
