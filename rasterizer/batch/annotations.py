@@ -21,7 +21,7 @@ from ..scene.scene import Scene
 
 
 class Annotator:
-    """Annotate pictures of a scene; Renderers are kept from one to the next. A context manager, which ends them.
+    """Annotate pictures of a scene; Renderers are kept from one to the next, until it is closed.
 
     Parameters
     ----------
@@ -34,12 +34,6 @@ class Annotator:
         self._shared: dict[str, Any] = {name: getattr(options, name) for name in ("shading", "cull", "threads")}
         self._size = options.size
         self._renderers: dict[Any, Renderer] = {}
-
-    def __enter__(self) -> "Annotator":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the Renderers."""

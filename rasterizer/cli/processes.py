@@ -5,7 +5,7 @@ plan ─ a Shot for each view ─ Batch ────  load ─ Renderer ─ byte
 what there is to say ─ exit code ───────  ┘
 """
 
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -189,4 +189,6 @@ def _load(run, request, messages, shared, kept: dict[str, Any]) -> tuple[Loaded,
 def _make(loaded, is_annotated, stack) -> tuple:
     """Make what draws a model, and what says of its pictures what a manifest holds, if there is one."""
     renderer = stack.enter_context(Renderer(loaded.scene, options=loaded.request.options))
-    return renderer, stack.enter_context(Annotator(loaded.scene, loaded.request.options)) if is_annotated else None
+    if not is_annotated:
+        return renderer, None
+    return renderer, stack.enter_context(closing(Annotator(loaded.scene, loaded.request.options)))
