@@ -100,6 +100,17 @@ class Session:
         return self._home() if self._state.orbit is None else self._state.orbit.camera
 
     @property
+    def shading(self) -> str:
+        """The shading that is chosen now."""
+        return self._state.shading
+
+    @property
+    def scene_now(self) -> Scene:
+        """The scene in the light that is chosen now."""
+        lights = self._state.lights
+        return replace(self.scene, lights=PRESETS[lights]()) if lights in PRESETS else self.scene
+
+    @property
     def picked(self) -> Pick | None:
         """The point that was picked last; None if there is none."""
         return self._state.picked
@@ -218,12 +229,8 @@ class Session:
 
     def _scene(self) -> Scene:
         """Return the scene in the light that is chosen, on the page's background where it has none of its own."""
-        changes: dict[str, Any] = {}
-        if self._state.lights in PRESETS:
-            changes["lights"] = PRESETS[self._state.lights]()
-        if self.scene.background is None:
-            changes["background"] = linear_rgb(self._background)
-        return replace(self.scene, **changes) if changes else self.scene
+        scene = self.scene_now
+        return replace(scene, background=linear_rgb(self._background)) if scene.background is None else scene
 
     def _flags(self) -> str:
         """The flags of `raster render` that draw what is seen; "" where none do."""

@@ -94,7 +94,8 @@ def view(
             """What is shown; where no widget can be, as in a notebook that was saved, a picture of what is seen now."""
             bundle = super()._repr_mimebundle_(**words)
             data, metadata = bundle if isinstance(bundle, tuple) else (bundle or {}, {})
-            picture = render(session.scene, self.size, camera=session.camera, **settings | {"outputs": "rgb"})
+            now = settings | {"shading": session.shading, "outputs": "rgb"}
+            picture = render(session.scene_now, self.size, camera=session.camera, **now)
             return data | {"image/png": b64encode(picture.encode()).decode("ascii")}, metadata
 
         def close(self) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.arrays import differences
 from helpers.raster import ROOT
-from helpers.viewing import click, drag, message
+from helpers.viewing import click, drag, key, message
 from PIL import Image
 
 import rasterizer as rz
@@ -36,10 +36,11 @@ def test_messages_of_its_cells_are_answered_and_faults_told():
     ask({"message": message()})
     ask("nonsense")
     assert len(sent) == 2, "what isn't from the viewer's page is not answered"
-    bundle, _ = widget._repr_mimebundle_()
-    shown = Image.open(
-        io.BytesIO(base64.b64decode(bundle["image/png"]))
-    )  # where a notebook that was saved has no widget
-    seen = rz.render(widget.scene, (80, 60), camera=widget.camera, threads=1)
-    assert not differences(np.asarray(shown.convert("RGBA")), seen.rgba) and len(bundle) > 1
+    for switches, words in (([], {}), (["s"], {"shading": "flat"}), (["l", "l"], {"preset": "headlight"})):
+        ask({"view": 3, "message": message(*map(key, switches))})
+        bundle, _ = widget._repr_mimebundle_()  # where a notebook that was saved has no widget
+        shown = Image.open(io.BytesIO(base64.b64decode(bundle["image/png"])))
+        words = {"shading": "flat"} | words if switches else words
+        seen = rz.render(widget.scene, (80, 60), camera=widget.camera, threads=1, **words)
+        assert not differences(np.asarray(shown.convert("RGBA")), seen.rgba) and len(bundle) > 1, switches
     widget.close()
