@@ -131,7 +131,9 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
     can_be_random, is_compared = "seed" in left, "shading" not in left
     asked = _asked_files(take("files", ()), take("output", None), take("outputs", None))
     files = Files(asked, **{name: left.pop(name) for name in Files._fields if name in left})
-    is_shown = any(suffix_of(name) not in ARRAY_SUFFIXES and "rgb" in (arrays or ("rgb",)) for name, arrays in asked)
+    is_shown = any(
+        suffix_of(files.named(name)) not in ARRAY_SUFFIXES and "rgb" in (arrays or ("rgb",)) for name, arrays in asked
+    )
     if files.colorbar and not is_shown:
         raise SceneError("--colorbar is drawn beside a picture: give -o a picture, or --array rgb")
     size, names = take("default_size", None), {field.name for field in fields(Options)} & {*left, "outputs"}

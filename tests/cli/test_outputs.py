@@ -291,6 +291,7 @@ def test_a_format_that_no_output_takes_is_refused(capsys):
         ("-o x --format jpg", "a folder is written x"),
         ("-o x.png --format jpg", "given --format jpg and -o x.png"),
         ("-o - --format nope", "no format to write"),
+        ("--format npy --colorbar", "is drawn beside a picture"),
         ("-o - --format exr --array rgb --array depth", "exr"),
     )], "render")  # fmt: skip
 
