@@ -84,13 +84,19 @@ def find_materials(
             read.add(id(library))
             materials |= read_materials(library, set(names), maps)
     unknown = [name for name in names if name not in materials]
+    lacking = []
     if missing:
-        files = listed([f"'{name[:80]}'" for name in missing])
-        model.warn(f"material file {files} not found")
+        lacking.append(f"material file {listed([quoted(name) for name in missing])} not found")
     if unknown:
-        unknown = listed([f"'{name[:80]}'" for name in unknown])
-        model.warn(f"no definition of material {unknown}; the default is used")
+        lacking.append(f"no definition of material {listed([quoted(name) for name in unknown])}; the default is used")
+    if lacking:
+        model.warn("; ".join(lacking))
     return materials, maps.places
+
+
+def quoted(name: str) -> str:
+    """Return a name for a message."""
+    return f"'{name[:80]}'"
 
 
 def _library(model, name, known) -> ModelFile | None:
