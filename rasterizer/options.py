@@ -85,7 +85,8 @@ class Options:
         studio's lights, which are the default, become those of `tabletop`, whose key light casts shadows by Phong's
         method; other lights stay
     min_opacity : the least opacity, 0 to 1, of surfaces that buffers and picks show, a texture's alpha included; the
-        default shows every surface, however transparent. Pictures show all surfaces, whatever it is
+        default shows every surface, however transparent. Pictures show all surfaces, whatever it is. Where cut-outs are
+        there, they are opaque
 
     Raises
     ------

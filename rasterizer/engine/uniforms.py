@@ -198,13 +198,13 @@ def make_cut_outs(plan: Plan, geometry: Geometry, depths: DepthScale, min_opacit
 
     Parameters
     ----------
-    min_opacity : what has less isn't there, either
+    min_opacity : what has less isn't there, either, but for cut-outs: what these leave is opaque
     """
     if min_opacity == 0.0 and not plan.tables.has_cut_outs:
         return None
     thresholds = np.zeros(len(plan.tables.materials))
     for k, material in enumerate(plan.tables.materials):
-        least = max(min_opacity, material.alpha_cutoff or 0.0)
+        least = min_opacity if material.alpha_cutoff is None else material.alpha_cutoff
         has_alpha = material.texture is not None and material.texture.has_alpha
         if least > material.opacity:
             thresholds[k] = np.inf

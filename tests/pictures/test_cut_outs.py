@@ -121,6 +121,21 @@ def test_glass_counts_from_the_opacity_that_is_asked_for():
     assert rz.render(scene, (60, 60)).alpha.max() > 0.3, "pictures don't ask"
 
 
+def test_what_is_opaque_in_the_picture_counts_from_any_opacity_on():
+    faint = leaf()
+    faint[..., 3] = 0.7 * faint[..., 3]
+    papered = card(faint)
+    for mesh in (
+        papered,
+        card(leaf(), opacity=0.7),
+        replace(papered, material=rz.Material(opacity=0.7, alpha_cutoff=0.5)),
+    ):
+        scene = rz.Scene(mesh, LIGHTS, rz.Camera.perspective((0, 0, 4), fov=50))
+        frame = rz.render(scene, (21, 21), samples=1, outputs=("rgb", "mask"), min_opacity=0.9)
+        assert frame.mask.any() and not differences(frame.mask, frame.rgba[..., 3] == 255)
+        assert frame.pick(10, 10) is not None
+
+
 def test_without_a_texture_all_of_it_is_there_or_nothing():
     square = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
     for opacity, is_there in ((0.4, False), (0.6, True)):
