@@ -39,7 +39,9 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
     has_texture = any(material.needs_uv for material in palette_of(scene))
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in palette_of(scene))
     for mesh in scene.meshes:
-        polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
+        polygon = np.arange(mesh.n_face)
+        if mesh.polygons is not None:  # numbered without gaps
+            polygon = np.unique(mesh.polygons, return_inverse=True)[1].reshape(-1)
         given = mesh.face_material
         material = np.zeros(mesh.n_face, np.int64) if given is None else given.astype(np.int64)
         uv = _corner_uv(mesh) if has_texture else None

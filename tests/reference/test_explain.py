@@ -158,6 +158,18 @@ def test_a_shadow_is_told():
     assert light_of(found[0], 0)[0] > 0 and not any(found[0]["0 diffuse"]) and all(found[1]["0 diffuse"])
 
 
+@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
+def test_numbers_of_polygons_may_lie_far_apart(shading):
+    corners, camera = [*QUAD, (0.0, 0, -1)], rz.Camera.perspective((0.3, 0.2, 4))
+    near, far = (
+        rz.Mesh(corners, [(0, 1, 2), (0, 2, 3), (0, 1, 4)], polygons=polygons, colors=np.abs(corners))
+        for polygons in ([0, 0, 1], [0, 0, 2**31 - 1])
+    )
+    scenes = [rz.Scene([mesh, near], rz.studio(), camera) for mesh in (near, far)]
+    few, many = (rz.explain(scene, 8, 8, (16, 16), shading=shading).rows for scene in scenes)
+    assert few == many
+
+
 def test_the_text_says_what_is_seen():
     scene = lit_quads()
     text = str(rz.explain(scene, 12, 9, (24, 18), shading="phong", samples=1))
