@@ -315,7 +315,8 @@ class Renderer:
         check_memory(options, has_out=out is not None)
         picture = None
         if "color" in options.outputs or "rgb" in options.outputs:
-            picture = prepared.draw_picture(camera, clock, out)
+            behind = self.scene.background if options.ground else None
+            picture = prepared.draw_picture(camera, clock, out, behind)
             self.plan = picture.summary._replace(paths=picture.counts.paths)
             if "color" in options.outputs:
                 arrays |= {"color": picture.color, "alpha": picture.alpha}
@@ -324,7 +325,7 @@ class Renderer:
                 prepared.draw_edges(camera, picture.rgba, *linear)
                 clock.lap("edges")
             if self._ground is not None:
-                self._ground.lay_under(camera, picture.rgba, *linear, self.scene.background, prepared.threads)
+                self._ground.lay_under(camera, picture.rgba, *linear, behind, prepared.threads, picture.scale)
                 clock.lap("ground")
         if not {"color", "rgb"}.issuperset(options.outputs):
             buffers, counts, _ = prepared.draw_buffers(camera, clock)

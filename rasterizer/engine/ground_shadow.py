@@ -46,6 +46,7 @@ MARGIN = 3  # texels beyond the shadow: what a mask may be off by, and nothing
 MOST_PIECES = 2**21  # of the cut-outs of a mesh: 100 cards over all of the ground
 MIN_FACES = 2**15  # that are worth layers of their own
 DECODED = LINEAR_OF_BYTE.astype(np.float32)
+OPAQUE = 0xFF000000  # bytes under which no shadow lies
 NO_COLOR, NO_ALPHA = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 
 
@@ -123,6 +124,7 @@ class GroundShadow:
         alpha: NDArray[np.float32] | None,
         background: tuple[float, float, float] | None,
         threads: Workers,
+        scale: float = 1.0,
     ) -> None:
         """Lay the shadow under a picture.
 
@@ -134,6 +136,7 @@ class GroundShadow:
             nobody needs them
         background : linear colour of what lies behind; None = the picture stays transparent
         threads : that take rows each
+        scale : what the bytes show the background multiplied by
         """
         height, width = rgba.shape[:2]
         planes = None if self.ground is None else _texel_planes(self.ground, camera, (width, height))
@@ -145,7 +148,14 @@ class GroundShadow:
         columns = _seen_columns(planes, self.opacity.shape, (width, height))
         ground, words = SeenGround(self._rimmed, planes, columns, *faded((width, height))), rgba.view(np.uint32)[..., 0]
         parts = threads.ranges(height, -(-MIN_PART // width))
-        threads.map(lambda rows: lay_under(ground, behind, DECODED, rows, words, *linear), parts)
+
+        def lay(behind, *picture):
+            threads.map(lambda rows: lay_under(ground, behind, DECODED, rows, *picture), parts)
+
+        if scale != 1.0 and len(linear[1]):
+            lay(behind, np.full(words.shape, OPAQUE, np.uint32), *linear)
+            linear = NO_COLOR, NO_ALPHA
+        lay(behind * np.array([scale, scale, scale, 1], np.float32), words, *linear)
 
 
 def faded(size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

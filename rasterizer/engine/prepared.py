@@ -37,6 +37,7 @@ from .uniforms import light_view, make_coding, make_cut_outs, make_encoding, mak
 PICTURES = frozenset(("color", "rgb"))  # the other outputs are exact buffers
 ALWAYS_THERE = 2**28  # bytes; for less the system is not asked
 EDGE_BYTES = 8  # a sample, where edges are drawn: its depth, and the share that they cover
+MAX_DRAWINGS = 64  # that are kept: many materials may share the tolerance in many ways
 MEMORY_INFO = "/proc/meminfo"  # Linux: "MemAvailable" is what is free, or can be freed
 MEMORY_LIMIT = "/sys/fs/cgroup/memory.max"  # of a container
 
@@ -62,6 +63,7 @@ class DrawnPicture(NamedTuple):
     summary: PlanSummary
     error_bound: float | None  # see Stats
     steps: tuple[Any, ...]
+    scale: float  # what colours are multiplied by before they become bytes, in the colour range "global"; else 1
 
 
 class PreparedScene:
@@ -85,7 +87,8 @@ class PreparedScene:
         self.tables, self.options, (width, height) = tables, options, options.size
         self.n_sample = width * options.factor, height * options.factor
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
-        self._drawings: dict[bytes, Drawing] = {}  # by the shares of the tolerance, see Plan
+        # By the shares of the tolerance, see Plan, and the reason of those that need float64.
+        self.drawings: dict[tuple[bytes, str], Drawing] = {}
         self.plan = make_plan(tables, options, run=self.threads.map)
         self.summary = summarize(self.plan)
         self.geometry, self.inner_sides = (like.geometry, like.inner_sides) if like else self._gather()
@@ -146,22 +149,26 @@ class PreparedScene:
             is_far = is_far or self._shadows.is_far(view, self._shadows.slice_view(view, screen, self.n_sample))
         shares = domains.share_of_tolerance(reach.roundings, tolerance)
         shares = np.where(plan.of_materials.is_double | is_far, np.inf, shares)
-        key = shares.tobytes()
-        if key not in self._drawings:
-            self._drawings[key] = make_drawing(plan.with_shares(shares, FAR if is_far else domains.TOO_MUCH))
-        drawing = self._drawings[key]
+        why = FAR if is_far else domains.TOO_MUCH
+        key = shares.tobytes(), why
+        if key not in self.drawings:
+            if len(self.drawings) == MAX_DRAWINGS:
+                self.drawings.clear()
+            self.drawings[key] = make_drawing(plan.with_shares(shares, why))
+        drawing = self.drawings[key]
         bound, steps = domains.state(drawing.plan, reach)
         return drawing, bound, (*drawing.steps, *steps)
 
     # ------------------------------------------------ the picture
 
-    def draw_picture(self, camera: Camera, clock, out=None) -> DrawnPicture:
+    def draw_picture(self, camera: Camera, clock, out=None, behind=None) -> DrawnPicture:
         """Draw the picture: the colour of every pixel.
 
         Parameters
         ----------
         clock : Clock, which notes the milliseconds of each stage
         out : (height, width) uint32, which takes the bytes; None = a new array
+        behind : linear colour that is laid behind the picture later on; None = nothing
         """
         options, view = self.options, camera.view()
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
@@ -174,13 +181,17 @@ class PreparedScene:
             warn_of_cut(screen, view, camera.projection(self.n_sample), self.n_sample, self.geometry.positions)
         render_pass = self.color_pass(view, screen, drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        scale = 1.0
         if is_global:
-            scale = 1.0 / max(1.0, float(picture.color.max()))
+            shown = picture.color
+            if behind is not None:
+                shown = (shown - np.float32(behind)) * picture.alpha[..., None] + np.float32(behind)
+            scale = 1.0 / max(1.0, float(shown.max()))
             encoding = render_pass.encoding._replace(scale=scale)
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, drawing.summary, bound, steps)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, drawing.summary, bound, steps, scale)
 
     def color_pass(self, view: View, screen, drawing: Drawing, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""

@@ -18,9 +18,11 @@ from helpers.pinhole import SHADINGS, octasphere
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render import describe_bounds
+from rasterizer.engine import domains
 from rasterizer.engine.depth_range import screen_of
-from rasterizer.engine.domains import EXACT
-from rasterizer.engine.prepared import PreparedScene
+from rasterizer.engine.domains import EXACT, SHARES, TOO_MUCH
+from rasterizer.engine.lights import FAR
+from rasterizer.engine.prepared import MAX_DRAWINGS, PreparedScene
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
 from rasterizer.options import Options
@@ -296,6 +298,27 @@ def see(scene, **options):
     made = PreparedScene(SceneTables(scene, chosen), chosen)
     screen, _ = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
     return made.see(camera.view(), screen)
+
+
+def test_the_reason_of_float64_is_that_of_the_view():
+    """From near a lamp's light can't be told so well from afar; from very far lengths have no digits."""
+    scene = rz.Scene(rz.Mesh(*BALL), [rz.PointLight((0, 1.02, 0), 0.5)])
+    cameras = [rz.Camera.perspective((0, 0, away), fov=fov) for away, fov in ((3e3, 0.05), (1e20, 30.0), (3e3, 0.05))]
+    with rz.Renderer(scene, SMALL, shading="phong") as renderer:
+        found = [renderer.render(camera).stats.plan.reasons for camera in cameras]
+    alone = [rz.render(scene, SMALL, shading="phong", camera=camera).stats.plan.reasons for camera in cameras]
+    assert found == alone == [(TOO_MUCH,), (FAR,), (TOO_MUCH,)]
+
+
+def test_few_drawings_are_kept(monkeypatch):
+    scene = rz.Scene([rz.Mesh(SQUARE, QUAD, material=rz.Material(diffuse=0.1 * k)) for k in range(5)])
+    chosen, camera, shares = Options(size=SMALL), scene.camera_for(SMALL), product(SHARES, repeat=5)
+    made = PreparedScene(SceneTables(scene, chosen), chosen)
+    screen, _ = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
+    monkeypatch.setattr(domains, "share_of_tolerance", lambda *_: np.array(next(shares)))
+    for _ in range(100):
+        made.see(camera.view(), screen)
+    assert len(made.drawings) <= MAX_DRAWINGS
 
 
 def usual_scenes():

@@ -10,6 +10,7 @@ from helpers.arrays import deviations, differences
 from helpers.pixels import AXIS, skewed
 
 import rasterizer as rz
+from rasterizer import reference
 from rasterizer.cores import Workers
 from rasterizer.engine import ground_shadow
 from rasterizer.engine.ground_shadow import GroundShadow
@@ -238,6 +239,22 @@ def test_the_ground_comes_before_the_background_and_leaves_other_lights():
         assert any(getattr(light, "shadow", None) for light in lights) == casts and len(lights) == 4, shading
     with pytest.raises(rz.SceneError, match="ground must be True or False; given 3"):
         rz.render(CUBE, SIZE, ground=3)
+
+
+@pytest.mark.parametrize("color_range", ["clamp", "global", "local"])
+def test_the_background_has_the_same_bytes_with_a_ground_as_without(color_range):
+    look = {"background": (0.9, 0.5, 0.05), "exposure": 2, "color_range": color_range}
+    for outputs in ("rgb", ("color", "rgb")):
+        with rz.Renderer(CUBE, SIZE, ground=True, outputs=outputs, **look) as renderer:
+            frame, lights = renderer.render(), renderer.scene.lights
+        scene = rz.Scene(CUBE, lights, frame.camera)
+        bare = rz.render(scene, SIZE, outputs=("color", "rgb"), **look)
+        assert not differences(frame.rgba[0], bare.rgba[0]), "at the border no shadow is left"
+        inside = bare.rgba != bare.rgba[0, 0]
+        assert (frame.rgba[inside] == bare.rgba[inside]).mean() > 0.9, "the cube, but for its outline"
+        assert outputs == "rgb" or not differences(frame.color[0], bare.color[0])
+    judged = reference.render(replace(scene, background=look.pop("background")), SIZE, shading="phong", **look)
+    assert np.abs(frame.rgb[0].astype(int) - judged.rgb[0]).max() <= 1
 
 
 def test_cut_outs_are_there_or_not():
