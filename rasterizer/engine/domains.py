@@ -177,7 +177,9 @@ def bound_intensities(tables: SceneTables, clearances: NDArray[np.float64], is_l
 def _times(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified."""
     with np.errstate(invalid="ignore"):
-        return np.nan_to_num(a * b, nan=0.0, posinf=np.inf)
+        found = a * b
+    found[np.isnan(found)] = 0.0
+    return found
 
 
 def smoothness_error(material: Any) -> float:

@@ -8,7 +8,6 @@ what becomes of a finished band is said by the pass (passes.py): a picture, exac
 Exact buffers beside a picture are a pass of their own.
 """
 
-from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from types import SimpleNamespace
@@ -69,7 +68,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     Parameters
     ----------
     geometry : Geometry of the scene, world space
-    render_pass : what is drawn, and what becomes of it
+    render_pass : what is drawn, and what becomes of it; takes the attributes that it lights
     screen : Screen of the view
     workspaces : from which each band takes the memory that it is drawn in
     threads : Workers
@@ -100,7 +99,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     lists, n_row = cull(triangles, vertices, render_pass, threads)
     clock.lap("cull, bands")
     if render_pass.light is not None:
-        render_pass = replace(render_pass, attributes=render_pass.light(lists.faces), light=None)
+        render_pass.attributes = render_pass.light(lists.faces)
         clock.lap("light")
     drawn = Drawn(Drawables(triangles, vertices, render_pass.attributes, render_pass.cut_outs), source)
     shape = WorkspaceShape(
@@ -110,7 +109,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces: WorkspacePool, threads
     scan_shade_resolve = partial(draw_band, drawn=drawn, render_pass=render_pass, workspaces=workspaces, shape=shape)
     counts = threads.map(scan_shade_resolve, list_bands(lists, n_row, render_pass.rows or (0, height)))
     clock.lap("scan, shade, resolve")
-    covered, *paths = np.sum(counts, axis=0).tolist()
+    covered, *paths = map(sum, zip(*counts, strict=True))
     of_faces = n_face, n_clipped, lists.n_culled, lists.n_visible
     return Counts(*of_faces, covered, width * height, PathCounts(*paths))
 

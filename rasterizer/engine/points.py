@@ -20,7 +20,7 @@ from ..geometry.weld import unique_rows
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh import Mesh
-from ..vectors import unit
+from ..vectors import dot, unit
 
 NO_TANGENTS = np.empty((0, 3))
 
@@ -160,8 +160,11 @@ def join_attributes(geometry: Geometry, n_attribute: int) -> NDArray[np.float64]
 def turn_to_viewer(geometry: Geometry, view: Any, screen: Any) -> NDArray[np.float64]:
     """Return normals of flat faces, towards the viewer, (2, n_point, 3); side 1 is reversed: that is flipped."""
     away = (geometry.points - view.eye) if screen.is_perspective else view.forward
-    toward = np.where((geometry.normals * away).sum(axis=1, keepdims=True) > 0.0, -geometry.normals, geometry.normals)
-    return np.stack([toward, -toward])
+    signs = np.where(dot(geometry.normals.T, away.T) > 0.0, -1.0, 1.0)
+    toward = np.empty((2, *geometry.normals.shape))
+    np.multiply(geometry.normals, signs[:, None], out=toward[0])
+    np.negative(toward[0], out=toward[1])
+    return toward
 
 
 def _rows(arrays: Sequence[NDArray]) -> NDArray:
