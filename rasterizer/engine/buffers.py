@@ -1,6 +1,6 @@
 """The exact buffers that a frame may have beside the picture: one kernel and one entry in BUFFER_TABLE for each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,30 +12,29 @@ from ..pipeline.buffers import CornerTable
 from ..scene.camera import View
 from ..scene.mesh import Mesh
 from .points import Geometry
-from .scene_tables import SceneTables
 
 # ----------------------------------------------------------------
 # What output buffers look up for the visible triangle: labels of faces, and values of the corners of triangles.
-# In:  the tables of a scene, and its triangles (points.py).
+# In:  the meshes of a scene, and its triangles (points.py).
 # Out: tables for pipeline/buffers.py. Each is made when a buffer first asks for it, and kept.
 
 
 class BufferTables:
-    """The tables of one scene.
+    """The tables of some meshes.
 
     Parameters
     ----------
-    scene : what is drawn
-    geometry : its triangles
+    meshes : what is drawn
+    geometry : their triangles
     """
 
-    def __init__(self, scene: SceneTables, geometry: Geometry) -> None:
-        self._scene, self._geometry = scene, geometry
+    def __init__(self, meshes: Sequence[Mesh], geometry: Geometry) -> None:
+        self._meshes, self._geometry = meshes, geometry
 
     @cached_property
     def objects(self) -> NDArray[np.int32]:
         """(n_face,) the mesh of each triangle, by its index in `Scene.meshes`."""
-        counts = [mesh.n_face for mesh in self._scene.meshes]
+        counts = [mesh.n_face for mesh in self._meshes]
         return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
     @cached_property
@@ -57,7 +56,7 @@ class BufferTables:
     @cached_property
     def uv(self) -> CornerTable:
         """Texture coordinates; NaN of meshes that have none."""
-        values = np.concatenate([_corner_uv(mesh) for mesh in self._scene.meshes])
+        values = np.concatenate([_corner_uv(mesh) for mesh in self._meshes])
         rows = np.arange(len(values), dtype=np.uint32).reshape(-1, 3).T
         return CornerTable(values, np.ascontiguousarray(rows))
 

@@ -27,6 +27,7 @@ from .domains import Intensities
 from .scene_tables import SceneTables, common_direction
 from .texture_tables import make_textures
 
+PICTURES = frozenset(("color", "rgb"))  # the other outputs are exact buffers
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 MAX_TURN = 2.0**-12  # radians: how far planes may turn a normal where that decides whether a point lies in a shadow
@@ -63,7 +64,7 @@ class Plan(NamedTuple):
     bound: float  # the largest intensity that any point can have
     needs_position: bool  # lighting reads the positions of points
     has_tangents: bool  # some material is brushed along u
-    textures: Textures | None  # None where the scene has none
+    textures: Textures | None  # None where the scene has none, or nobody reads them
     metals: Textures | None  # of how metallic and rough materials are; None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     cue: Cue | None  # None where nothing fades with depth
@@ -88,7 +89,11 @@ class Plan(NamedTuple):
 
 
 def make_plan(
-    tables: SceneTables, options: Options, clearances: NDArray[np.float64] | None = None, run: Callable = map
+    tables: SceneTables,
+    options: Options,
+    clearances: NDArray[np.float64] | None = None,
+    run: Callable = map,
+    like: Plan | None = None,
 ) -> Plan:
     """Find out what a scene needs.
 
@@ -96,6 +101,7 @@ def make_plan(
     ----------
     clearances : (n_material, n_light), how near lights are; None = as `domains.measure_clearances` finds it
     run : see `make_textures`
+    like : of the same meshes and options, whose textures are taken
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
@@ -120,7 +126,11 @@ def make_plan(
         needs_position |= bool(row.needs_position and is_lit)
     for material in materials:
         has_tangents |= material.is_anisotropic and material.tangent == "u"
-    if tables.has_texture.any():
+    # Of buffers alone nobody sees colours.
+    needs_texels = bool(PICTURES & set(options.outputs)) or tables.has_cut_outs or options.min_opacity > 0.0
+    if like is not None:
+        textures, metals = like.textures, like.metals
+    elif tables.has_texture.any() and needs_texels:
         textures = make_textures([material.texture for material in materials], run=run)
         metals = make_textures([material.metallic_roughness for material in materials], tables.n_texcoord, run)
     if cue is not None:  # with one channel its colour is a multiple of the tint, whose largest component is 1
@@ -287,7 +297,7 @@ def summarize(plan: Plan) -> PlanSummary:
     """Put a plan into words."""
     tables, table, n_light = plan.tables, plan.of_materials, len(plan.tables.reflected_lights)
     features = {
-        "textures": plan.textures is not None,
+        "textures": bool(tables.has_texture.any()),
         "shadows": tables.has_shadows,
         "transparency": plan.opacity is not None,
         "depth cueing": plan.cue is not None,

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cores import Workers
+from ..cores import MIN_PART, Workers
 from ..errors import SceneError, shown
+from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..locks import cached_property
 from ..options import Options
 from ..pipeline.gradients import Coding
@@ -22,6 +23,7 @@ from ..pipeline.resolve import Encoding, encode_picture
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera, View
+from ..scene.mesh import Mesh
 from . import domains
 from .buffers import BUFFER_TABLE, BufferTables
 from .depth_range import are_seen_from_outside, check_depths, check_extent, scale_depths, screen_of, warn_of_cut
@@ -29,12 +31,11 @@ from .draw import NO_CLOCK, Counts, draw
 from .lights import FAR, Step
 from .lit_points import light_seen
 from .passes import NO_PLANES, NONE, BufferPass, ColorPass
-from .plan import Plan, PlanSummary, make_plan, summarize
-from .points import gather_geometry, gather_inner_sides, join_attributes, list_opaque_fans, turn_to_viewer
+from .plan import PICTURES, Plan, PlanSummary, make_plan, summarize
+from .points import Geometry, gather_geometry, gather_inner_sides, join_attributes, list_opaque_fans, turn_to_viewer
 from .scene_tables import SceneTables
 from .uniforms import light_view, make_coding, make_cut_outs, make_encoding, make_lighting
 
-PICTURES = frozenset(("color", "rgb"))  # the other outputs are exact buffers
 ALWAYS_THERE = 2**28  # bytes; for less the system is not asked
 EDGE_BYTES = 8  # a sample, where edges are drawn: its depth, and the share that they cover
 MAX_DRAWINGS = 64  # that are kept: many materials may share the tolerance in many ways
@@ -66,6 +67,54 @@ class DrawnPicture(NamedTuple):
     scale: float  # what colours are multiplied by before they become bytes, in the colour range "global"; else 1
 
 
+class PreparedMeshes:
+    """Hold what follows from meshes and options alone, whatever the lights are, made when it is first asked for.
+
+    Attributes
+    ----------
+    geometry : all meshes as one set of arrays
+    inner_sides : (n_face,) int8, which side of each triangle looks into a closed body, see geometry/closed.py; None
+        where nobody asks
+    """
+
+    def __init__(self, meshes: Sequence[Mesh], options: Options, threads: Workers) -> None:
+        """Gather the geometry; meanwhile a thread looks for closed bodies, if they count."""
+        self._meshes, self._options = meshes, options
+        gather = partial(gather_geometry, meshes, options.is_flat, threads, options.shading != "phong")
+        self.geometry: Geometry
+        self.inner_sides: NDArray[np.int8] | None = None
+        if options.cull != "auto":
+            self.geometry = gather()
+        else:
+            fans = list_opaque_fans(meshes)
+            jobs = partial(gather, fans=fans), partial(gather_inner_sides, meshes, fans)
+            self.geometry, self.inner_sides = threads.map(partial.__call__, jobs)
+
+    @cached_property
+    def buffer_tables(self) -> BufferTables:
+        """What buffers look up."""
+        return BufferTables(self._meshes, self.geometry)
+
+    @cached_property
+    def edges(self) -> Any:
+        """The edges of the meshes."""
+        from .edges import join_edges
+
+        return join_edges(self._meshes)
+
+    @cached_property
+    def shapes(self) -> NDArray[np.float64]:
+        """The planes of all triangles, and their longest sides, (n_face, 5)."""
+        out = np.empty((self.geometry.vertex.shape[1], 5))
+        compute_shapes(self.geometry.positions, self.geometry.vertex, out)
+        return out
+
+    @cached_property
+    def normal_offsets(self) -> NDArray[np.float64]:
+        """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
+        return compute_normal_offsets(self.geometry, self._options.is_flat)
+
+
 class PreparedScene:
     """Hold what doesn't depend on the camera, and the threads and memory that pictures are drawn with.
 
@@ -74,9 +123,8 @@ class PreparedScene:
     n_sample : columns and rows of a picture's samples
     plan : what the scene needs in any view
     summary : the same in words
-    geometry : all meshes as one set of arrays
-    inner_sides : (n_face,) int8, which side of each triangle looks into a closed body, see geometry/closed.py; None
-        where nobody asks
+    of_meshes : what follows from the meshes
+    geometry, inner_sides : those of them
     normals : what Phong's method interpolates, see `join_attributes`; NONE for other methods
 
     What follows from the meshes and options alone is taken from another one, `like`, that has the same.
@@ -89,27 +137,13 @@ class PreparedScene:
         self.threads, self.workspaces = Workers(options.n_thread), WorkspacePool()
         # By the shares of the tolerance, see Plan, and the reason of those that need float64.
         self.drawings: dict[tuple[bytes, str], Drawing] = {}
-        self.plan = make_plan(tables, options, run=self.threads.map)
+        self.plan = make_plan(tables, options, run=self.threads.map, like=like.plan if like else None)
         self.summary = summarize(self.plan)
-        self.geometry, self.inner_sides = (like.geometry, like.inner_sides) if like else self._gather()
-        self.normals = NONE
-        if self.plan.is_lit_per_sample:
+        self.of_meshes = like.of_meshes if like else PreparedMeshes(tables.meshes, options, self.threads)
+        self.geometry, self.inner_sides = self.of_meshes.geometry, self.of_meshes.inner_sides
+        self.normals = like.normals if like else NONE
+        if self.plan.is_lit_per_sample and not like:
             self.normals = join_attributes(self.geometry, int(self.plan.of_materials.n_attributes.max()))
-
-    def _gather(self) -> list[Any]:
-        """Gather the geometry; meanwhile a thread looks for closed bodies, if they count: return their inner sides,
-        too."""
-        meshes, options = self.tables.meshes, self.options
-        gather = partial(gather_geometry, meshes, options.is_flat, self.threads, options.shading != "phong")
-        if options.cull != "auto":
-            return [gather(), None]
-        fans = list_opaque_fans(meshes)
-        jobs = partial(gather, fans=fans), partial(gather_inner_sides, meshes, fans)
-        return self.threads.map(partial.__call__, jobs)
-
-    @cached_property
-    def _buffer_tables(self) -> BufferTables:
-        return BufferTables(self.tables, self.geometry)
 
     @cached_property
     def _shadows(self) -> Any:
@@ -118,12 +152,9 @@ class PreparedScene:
 
         return Shadows(self.geometry, self.tables.bounds, self.plan, self.inner_sides)
 
-    @cached_property
-    def _edges(self) -> Any:
-        """The edges of its meshes."""
-        from .edges import join_edges
-
-        return join_edges(self.tables.meshes)
+    def slice_view(self, view: View, screen: Screen) -> Any:
+        """Return what a view shows that shadow maps are fitted to, see `Shadows.slice_view`."""
+        return self._shadows.slice_view(view, screen, self.n_sample) if self.tables.has_shadows else {}
 
     def _hidden_sides(self, view: View, screen: Screen, n_sample: tuple[int, int]) -> NDArray[np.int8] | None:
         """Return which side of each triangle a view leaves out, see pipeline/cull.py; None where all are drawn.
@@ -139,14 +170,14 @@ class PreparedScene:
             return self.inner_sides
         return self.inner_sides * np.repeat(is_outside, [mesh.n_face for mesh in self.tables.meshes])
 
-    def see(self, view: View, screen: Screen) -> tuple[Drawing, float | None, tuple[Any, ...]]:
+    def see(self, view: View, screen: Screen, seen: Any) -> tuple[Drawing, float | None, tuple[Any, ...]]:
         """Return what a view is drawn with, on the screen of the picture, and what is stated of it: the error's bound,
-        and the steps next to which it doesn't hold, see Stats."""
+        and the steps next to which it doesn't hold, see Stats. `seen` is what `slice_view` returns."""
         tables, plan, tolerance = self.tables, self.plan, self.options.tolerance
         reach = domains.measure_reach(plan, view, screen)
         is_far = domains.is_far(plan, reach, screen)
         if tables.has_shadows and not plan.of_materials.is_double.all():
-            is_far = is_far or self._shadows.is_far(view, self._shadows.slice_view(view, screen, self.n_sample))
+            is_far = is_far or self._shadows.is_far(view, seen)
         shares = domains.share_of_tolerance(reach.roundings, tolerance)
         shares = np.where(plan.of_materials.is_double | is_far, np.inf, shares)
         why = FAR if is_far else domains.TOO_MUCH
@@ -174,12 +205,13 @@ class PreparedScene:
         with_color, is_global = "color" in options.outputs, options.color_range == "global"
         picture = make_picture(options.size, with_color or is_global, out)
         screen, is_cut = screen_of(camera, view, self.n_sample, self.geometry, self.tables.bounds)
-        drawing, bound, steps = self.see(view, screen)
+        seen = self.slice_view(view, screen)
+        drawing, bound, steps = self.see(view, screen, seen)
         if is_cut:
             why = f"what is nearer than {screen.near:.3g} is cut; give the camera a near plane"
             bound, steps = None, (*steps, Step(f"no bound is stated: {why}", np.inf, "everywhere"))
             warn_of_cut(screen, view, camera.projection(self.n_sample), self.n_sample, self.geometry.positions)
-        render_pass = self.color_pass(view, screen, drawing, picture, clock)
+        render_pass = self.color_pass(view, screen, seen, drawing, picture, clock)
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         scale = 1.0
         if is_global:
@@ -188,30 +220,36 @@ class PreparedScene:
                 shown = (shown - np.float32(behind)) * picture.alpha[..., None] + np.float32(behind)
             scale = 1.0 / max(1.0, float(shown.max()))
             encoding = render_pass.encoding._replace(scale=scale)
-            encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
+
+            def encode(rows):
+                part = slice(*rows)
+                encode_picture(picture.color[part], picture.alpha[part], encoding, picture.rgba[part])
+
+            width, height = options.size
+            self.threads.map(encode, self.threads.ranges(height, -(-MIN_PART // width)))
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
         return DrawnPicture(rgba, picture.color, picture.alpha, counts, drawing.summary, bound, steps, scale)
 
-    def color_pass(self, view: View, screen, drawing: Drawing, picture, clock) -> ColorPass:
-        """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
+    def color_pass(self, view: View, screen, seen, drawing: Drawing, picture, clock) -> ColorPass:
+        """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it. `seen` is what
+        `slice_view` returns."""
         plan, lightings = drawing.plan, {}
         for dtype, lighting in drawing.lightings.items():
             maps: Sequence[Any] = ()
             if plan.tables.has_shadows:
-                seen = self._shadows.slice_view(view, screen, self.n_sample)
                 maps = self._shadows.draw(plan, view, dtype, self.workspaces, self.threads, seen)
                 clock.lap("shadows")
             lightings[dtype] = light_view(lighting, plan, view, maps)
         hidden_sides, light, planes = self._hidden_sides(view, screen, self.n_sample), None, NO_PLANES
         if plan.is_lit_per_sample and plan.tables.has_shadows:
-            planes = self._shadows.shapes
+            planes = self.of_meshes.shapes
         if not plan.is_lit_per_sample:
             # Intensities of the points, on both sides where normals may have to be flipped.
             is_never_flipped = hidden_sides is not None and hidden_sides.min() == 1
             is_never_flipped = is_never_flipped and not self.geometry.is_inverted.any()
             n_side = 1 if self.options.is_flat or is_never_flipped else 2
-            normal_offsets = self._shadows.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
+            normal_offsets = self.of_meshes.normal_offsets if plan.tables.has_shadows else np.empty((2, 0))
             light = partial(light_seen, self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
         return ColorPass(
             attributes=self.normals if plan.is_lit_per_sample else NONE,
@@ -235,7 +273,7 @@ class PreparedScene:
 
         factor = self.options.factor
         buffers, _, screen = self.draw_buffers(camera, NO_CLOCK, ("depth",), factor=factor, min_opacity=0.0)
-        share, seen = cover(self._edges, self.options, buffers["depth"], screen, self.threads)
+        share, seen = cover(self.of_meshes.edges, self.options, buffers["depth"], screen, self.threads)
         seen = seen if self.tables.background is None else np.ones(share.shape)
         lay_over(share, seen, self.options.edge_color, rgba, color, alpha)
 
@@ -281,7 +319,11 @@ class PreparedScene:
             ),
             depths=scale_depths(screen),
             buffers={name: BUFFER_TABLE[name].make(n_sample) for name in names},
-            tables={name: (make(self._buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
+            tables={
+                name: (make(self.of_meshes.buffer_tables, view),)
+                for name in names
+                if (make := BUFFER_TABLE[name].table)
+            },
         )
         counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
         return render_pass.buffers, counts, screen

@@ -42,8 +42,9 @@ def draw_sample(scene, options: Options, camera: Camera, x: int, y: int) -> Draw
     try:
         view, picture = camera.view(), make_picture(options.size, with_color=True)
         screen, is_cut = screen_of(camera, view, prepared.n_sample, prepared.geometry, prepared.tables.bounds)
-        drawing, bound, _ = prepared.see(view, screen)
-        render_pass = prepared.color_pass(view, screen, drawing, picture, NO_CLOCK)
+        seen = prepared.slice_view(view, screen)
+        drawing, bound, _ = prepared.see(view, screen, seen)
+        render_pass = prepared.color_pass(view, screen, seen, drawing, picture, NO_CLOCK)
         given = {each.name: getattr(render_pass, each.name) for each in fields(ColorPass) if each.init}
         sample = tuple(place * options.factor + (options.factor - 1) // 2 for place in (x, y))
         given["rows"] = y * options.factor, (y + 1) * options.factor

@@ -9,7 +9,7 @@ What a map shows follows from the light's `Beam` (lights.py); an area light is m
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 
 from ..cores import Workers
 from ..errors import SceneError
-from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..geometry.vectors import cross
-from ..locks import cached_property
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.cull import list_seen_faces
@@ -54,6 +52,9 @@ NORMALS = 7  # u that an interpolated normal errs by
 BEYOND_RANGE = 1.0 + 2.0**-10  # times the range of a light: no rounding brings anything back from there
 
 Slices = Sequence[NDArray[np.float64]]  # (n, 3) points round what is seen, one for each slice of its depths
+Seen = Mapping[int, Slices]  # by a light's index: the slices that it has maps of
+
+NO_PARTS: Seen = {}
 
 
 class Casters(NamedTuple):
@@ -114,16 +115,25 @@ class Shadows:
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
         self._extents: dict[int, tuple[tuple, tuple]] = {}
 
-    def slice_view(self, view: View, screen: Screen, n_sample: tuple[int, int]) -> list[NDArray[np.float64]]:
-        """Return what a picture shows of the scene, see `slice_view`; nothing where no light asks for it."""
-        lights = [self._plan.tables.lights[k] for k in self._list_lights()]
-        beams = [entry_of(light).beam(light, view) for light in lights]
-        if all(beam is None or beam.origin is not None for beam in beams):
-            return []
-        return slice_view(view, screen, n_sample, self._corners, self._bounds)
+    def slice_view(self, view: View, screen: Screen, n_sample: tuple[int, int]) -> Seen:
+        """Return for each light of parallel rays which parts of what a picture shows of the scene have maps of their
+        own."""
+        lights, beams = self._plan.tables.lights, {}
+        for k in self._list_lights():
+            beam = entry_of(lights[k]).beam(lights[k], view)
+            if beam is not None and beam.origin is None:
+                beams[k] = beam
+        slices = slice_view(view, screen, n_sample, self._corners, self._bounds) if beams else ()
+        return {k: choose_parts(beam, self._corners, shadow_of(lights[k]), slices) for k, beam in beams.items()}
 
     def draw(
-        self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers, seen: Slices = ()
+        self,
+        plan: Plan,
+        view: View,
+        dtype: np.dtype,
+        workspaces: WorkspacePool,
+        threads: Workers,
+        seen: Seen = NO_PARTS,
     ) -> "list[ShadowMap | None]":
         """Return the maps of all lights in a type, None for those that cast no shadows here; those of lights that are
         where they were in the picture before, and that show the same, are kept. `seen` is what `slice_view` returns.
@@ -133,14 +143,14 @@ class Shadows:
         maps: list[ShadowMap | None] = [None] * len(plan.tables.lights)
         moved, n_number = {}, 0
         for k in self._list_lights() if self._casters is not None else ():
-            light = plan.tables.lights[k]
-            place, (last_place, maps[k]) = place_of(light, view, seen), self._maps.get((k, dtype), (None, None))
+            light, parts = plan.tables.lights[k], seen.get(k, ())
+            place, (last_place, maps[k]) = place_of(light, view, parts), self._maps.get((k, dtype), (None, None))
             if place != last_place:
-                moved[k] = place, plan_maps(light, view, self._casters, seen)
+                moved[k] = place, plan_maps(light, view, self._casters, parts)
                 n_number += moved[k][1].n_number if moved[k][1] is not None else 0
             elif maps[k] is not None:
                 n_number += len(maps[k].block)
-        if n_number > MAX_TEXELS and len(seen):  # there is room for fewer maps
+        if n_number > MAX_TEXELS and any(map(len, seen.values())):  # there is room for fewer maps
             return self.draw(plan, view, dtype, workspaces, threads)
         if n_number > MAX_TEXELS:
             raise SceneError(
@@ -161,11 +171,11 @@ class Shadows:
         lights = self._plan.tables.lights
         return [k for k in np.flatnonzero(self._plan.tables.is_lit.any(axis=0)) if shadow_of(lights[k]) is not None]
 
-    def is_far(self, view: View, seen: Slices = ()) -> bool:
+    def is_far(self, view: View, seen: Seen = NO_PARTS) -> bool:
         """Tell whether float32 moves any point that shadows are asked for too far in one view."""
         return any(not shift <= MAX_SHIFT * texel for shift, texel in self.shifts_in(view, seen))
 
-    def shifts_in(self, view: View, seen: Slices = ()) -> Iterator[tuple[float, float]]:
+    def shifts_in(self, view: View, seen: Seen = NO_PARTS) -> Iterator[tuple[float, float]]:
         """Yield of each map of each light how far float32 moves points in a view, and the width of a texel, scene
         units.
 
@@ -176,39 +186,27 @@ class Shadows:
         1024 texels, and half as far with twice as many. Points that are lit before they are drawn may lie anywhere.
         """
         for k in self._list_lights():
-            light = self._plan.tables.lights[k]
-            place, (last_place, found) = place_of(light, view, seen), self._extents.get(k, (None, ()))
+            light, parts = self._plan.tables.lights[k], seen.get(k, ())
+            place, (last_place, found) = place_of(light, view, parts), self._extents.get(k, (None, ()))
             if place != last_place:
-                found = measure_extents(light, view, self._corners, seen, self._plan.is_lit_per_sample)
+                found = measure_extents(light, view, self._corners, parts, self._plan.is_lit_per_sample)
                 self._extents[k] = place, found
             for origin, extent, texel in found:
                 yield lookup.ROUNDINGS * SINGLE * (extent + float(np.abs(origin - view.eye).sum())), texel
 
-    @cached_property
-    def shapes(self) -> NDArray[np.float64]:
-        """The planes of all triangles, and their longest sides, (n_face, 5)."""
-        out = np.empty((self._geometry.vertex.shape[1], 5))
-        compute_shapes(self._geometry.positions, self._geometry.vertex, out)
-        return out
 
-    @cached_property
-    def normal_offsets(self) -> NDArray[np.float64]:
-        """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
-        return compute_normal_offsets(self._geometry, self._plan.options.is_flat)
-
-
-def place_of(light: Any, view: View, seen: Slices) -> tuple:
+def place_of(light: Any, view: View, parts: Slices) -> tuple:
     """Return what the maps of a light follow from, beside the scene, as what can be compared: where it shines, if it
-    moves with the camera, and of parallel rays what the picture shows."""
+    moves with the camera, and of parallel rays the parts of what the picture shows that have maps of their own."""
     beam = entry_of(light).beam(light, view)
     if beam is None:
         return ()
     carried = (None if part is None else np.asarray(part).tobytes() for part in beam if is_carried(light))
-    return (*carried, *(points.tobytes() for points in seen if beam.origin is None))
+    return (*carried, *(points.tobytes() for points in parts))
 
 
 def measure_extents(
-    light: Any, view: View, corners: NDArray[np.float64], seen: Slices, is_lit_per_sample: bool
+    light: Any, view: View, corners: NDArray[np.float64], parts: Slices, is_lit_per_sample: bool
 ) -> list[tuple[NDArray[np.float64], float, float]]:
     """Return where a light is, (3,), how far the boxes (n_mesh, 8, 3) extend from there, a sum of components, and the
     least width of a texel where they are furthest from the light, on a surface that faces it, scene units. Of parallel
@@ -216,11 +214,11 @@ def measure_extents(
     beam = entry_of(light).beam(light, view)
     if beam is None:
         return [(np.zeros(3), 0.0, math.inf)]
-    maps, least = choose_views(beam, corners, shadow_of(light), seen), math.inf
+    maps, least = choose_views(beam, corners, shadow_of(light), parts), math.inf
     points = (corners - maps.origin).reshape(-1, 3)
     if beam.origin is None:
-        parts = [points if part is None or not is_lit_per_sample else part - maps.origin for part in maps.parts]
-        extents = [float(np.abs(part).sum(axis=1).max()) for part in parts]
+        shown = [points if part is None or not is_lit_per_sample else part - maps.origin for part in maps.parts]
+        extents = [float(np.abs(part).sum(axis=1).max()) for part in shown]
         texels = [1.0 / max(projection.scale_x, projection.scale_y) for _, projection in maps.views]
         return [(maps.origin, *found) for found in zip(extents, texels, strict=True)]
     for (light_view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
@@ -265,9 +263,9 @@ class PlannedMaps(NamedTuple):
         return lookup.HEADER + sum(self.maps.is_needed) * map_side(self.shadow) ** 2
 
 
-def plan_maps(light: Any, view: View, casters: Casters, seen: Slices = ()) -> PlannedMaps | None:
-    """Return which maps show what a light sees; one that is attached to the camera is where `view` puts it. `seen` is
-    what `slice_view` returns.
+def plan_maps(light: Any, view: View, casters: Casters, parts: Slices = ()) -> PlannedMaps | None:
+    """Return which maps show what a light sees; one that is attached to the camera is where `view` puts it. `parts` is
+    what `choose_parts` returns.
 
     None where it reaches nothing. Raises SceneError where the light has no beam.
     """
@@ -276,7 +274,7 @@ def plan_maps(light: Any, view: View, casters: Casters, seen: Slices = ()) -> Pl
         raise SceneError(f"a {type(light).__name__} shines from no single place or direction, so it casts no shadows")
     if not reaches(light, beam, casters.corners):
         return None
-    return PlannedMaps(choose_views(beam, casters.corners, light.shadow, seen), light.shadow)
+    return PlannedMaps(choose_views(beam, casters.corners, light.shadow, parts), light.shadow)
 
 
 def draw_maps(
@@ -388,20 +386,20 @@ class MapViews(NamedTuple):
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
     views: list[tuple[View, Projection]]
     is_needed: list[bool]  # False for a map that shows no caster, or that nothing asks
-    parts: Sequence[NDArray[np.float64] | None] = (None,)  # what each is fitted to, of `seen`; None = the scene
+    parts: Sequence[NDArray[np.float64] | None] = (None,)  # what each is fitted to; None = the scene
 
 
-def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, seen: Slices = ()) -> MapViews:
+def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, parts: Slices = ()) -> MapViews:
     """Choose the views that a light's maps show of the scene.
 
     Parameters
     ----------
     corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
     shadow : Shadow of the light
-    seen : what `slice_view` returns
+    parts : what `choose_parts` returns
     """
     if beam.origin is None:
-        return _choose_parallel_views(beam, corners, shadow, seen)
+        return _choose_parallel_views(beam, corners, shadow, parts)
     origin = beam.origin
     corners, radius = corners - origin, shadow.filter >> 1
     points = corners.reshape(-1, 3)
@@ -422,27 +420,36 @@ def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, seen: Sl
     return MapViews(origin, [(_look(origin, forward), whole) for forward in CUBE], is_needed)
 
 
-def _choose_parallel_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, seen: Slices) -> MapViews:
-    """Fit a map to each slice of what is seen where that makes it finer than the last one, which shows the whole scene.
+def _choose_parallel_views(beam: Beam, corners: NDArray[np.float64], shadow: Any, parts: Slices) -> MapViews:
+    """Fit a map to each part, and the last one to the whole scene."""
+    whole = corners.reshape(-1, 3)
+    origin = (parts[0] if len(parts) else whole).mean(axis=0)
+    view = _look(origin, beam.axis)
+    views = [(view, _fit_parallel(view, points, shadow)) for points in (*parts, whole)]
+    return MapViews(origin, views, [True] * len(views), [*parts, None])
 
-    Texels narrower than DOUBLE_ROUNDING of the scene's extent show nothing but rounding.
+
+def choose_parts(beam: Beam, corners: NDArray[np.float64], shadow: Any, seen: Slices) -> Slices:
+    """Choose the slices of what is seen whose maps are finer than that of the whole scene, in a light's parallel rays.
+
+    Texels narrower than DOUBLE_ROUNDING of the scene's extent show nothing but rounding. `seen` is what `slice_view`
+    returns.
     """
     whole = corners.reshape(-1, 3)
-    origin = (seen[0] if len(seen) else whole).mean(axis=0)
-    view, extent = _look(origin, beam.axis), np.abs(whole - origin).sum(axis=1).max()
-
-    def fit(points: NDArray[np.float64]) -> Projection:
-        relative = points - origin
-        return _fit_projection(_extent(relative @ view.right), _extent(relative @ view.up), shadow, False)
-
-    last, parts, views = fit(whole), [], []
+    view = _look(whole.mean(axis=0), beam.axis)
+    extent, last, parts = np.abs(whole - view.eye).sum(axis=1).max(), _fit_parallel(view, whole, shadow), []
     for points in seen:
-        found = fit(points)
+        found = _fit_parallel(view, points, shadow)
         is_finer = found.scale_x > FINER * last.scale_x or found.scale_y > FINER * last.scale_y
         if is_finer and max(found.scale_x, found.scale_y) * DOUBLE_ROUNDING * extent < 1.0:
             parts.append(points)
-            views.append((view, found))
-    return MapViews(origin, [*views, (view, last)], [True] * (len(views) + 1), [*parts, None])
+    return parts
+
+
+def _fit_parallel(view: View, points: NDArray[np.float64], shadow: Any) -> Projection:
+    """The projection that shows points (n, 3) in parallel rays along a view."""
+    relative = points - view.eye
+    return _fit_projection(_extent(relative @ view.right), _extent(relative @ view.up), shadow, False)
 
 
 def _is_needed(forward, widest, corners, beam) -> bool:

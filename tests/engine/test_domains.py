@@ -297,7 +297,7 @@ def see(scene, **options):
     chosen, camera = Options(**{"size": (64, 48), "samples": 1} | options), scene.camera_for((64, 48))
     made = PreparedScene(SceneTables(scene, chosen), chosen)
     screen, _ = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
-    return made.see(camera.view(), screen)
+    return made.see(camera.view(), screen, made.slice_view(camera.view(), screen))
 
 
 def test_the_reason_of_float64_is_that_of_the_view():
@@ -317,7 +317,7 @@ def test_few_drawings_are_kept(monkeypatch):
     screen, _ = screen_of(camera, camera.view(), made.n_sample, made.geometry, made.tables.bounds)
     monkeypatch.setattr(domains, "share_of_tolerance", lambda *_: np.array(next(shares)))
     for _ in range(100):
-        made.see(camera.view(), screen)
+        made.see(camera.view(), screen, {})
     assert len(made.drawings) <= MAX_DRAWINGS
 
 

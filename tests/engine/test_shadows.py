@@ -10,8 +10,9 @@ from helpers.pinhole import QUAD, SHADINGS, octasphere, torus, unit
 from numpy.lib.stride_tricks import sliding_window_view
 
 import rasterizer as rz
+from rasterizer.engine import shadow_maps
 from rasterizer.engine.lights import entry_of
-from rasterizer.engine.shadow_maps import choose_views, corners_of
+from rasterizer.engine.shadow_maps import choose_views, corners_of, draw_maps
 from rasterizer.reference import shadow
 from rasterizer.scene.lights import Shadow
 
@@ -197,6 +198,18 @@ EDGES = {
     "point inside": (rz.PointLight((-1, -0.7, 1.9), 0.8, shadow=FINE), 6),
     "point over a corner": (rz.PointLight((-0.9, -0.9, 1.4), 0.8, shadow=FINE), 6),
 }
+
+
+@pytest.mark.parametrize("name", ["directional", "point"])
+def test_maps_of_a_light_that_stands_still_are_drawn_once_where_no_view_needs_finer_ones(name, monkeypatch):
+    scene, drawn = rz.Scene([floor_mesh()], [EDGES[name][0]]), []
+    monkeypatch.setattr(shadow_maps, "draw_maps", lambda *given: drawn.append(draw_maps(*given)) or drawn[-1])
+    with rz.Renderer(scene, (16, 12)) as renderer:
+        for azimuth in (0, 10, 100):
+            renderer.render(azimuth=azimuth, elevation=80, zoom=1.5)
+        assert len(drawn) == 1
+        renderer.render(elevation=80, zoom=20)
+    assert len(drawn) == 1 + (name == "directional")
 
 
 @pytest.mark.parametrize("name", EDGES)

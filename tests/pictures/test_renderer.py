@@ -20,6 +20,7 @@ from helpers.small_scenes import scene_of as small_scene
 import rasterizer as rz
 from bench import scale
 from rasterizer.choices import BUFFERS
+from rasterizer.engine import ground_shadow, plan
 
 SIZE = (37, 29)
 ALL = ("color", "rgb", "depth", "face", "normal")
@@ -177,6 +178,22 @@ def test_a_closed_renderer_says_so():
             renderer.render()
         with pytest.raises(rz.SceneError, match="closed"):
             renderer.render()
+
+
+def test_textures_and_the_ground_are_prepared_once_whatever_the_lights_and_not_for_buffers(monkeypatch):
+    vertices, faces = octasphere(2)
+    papered = rz.Mesh(vertices, faces, uv=vertices[:, :2], material=rz.Material(texture=np.eye(4)))
+    sun, look = rz.DirectionalLight((-1, -2, -1), shadow=rz.Shadow()), {"ground": True, "outputs": ("color", "object")}
+    expected = rz.render(papered, SIZE, lights=sun, **look)
+    with rz.Renderer(papered, SIZE, **look) as first:
+        first.render()
+        monkeypatch.setattr(plan, "make_textures", None)
+        monkeypatch.setattr(ground_shadow, "GroundShadow", None)
+        with first.in_lights(sun) as other:
+            frame = other.render()
+    for name in ("rgba", "color", "object"):
+        assert not differences(getattr(frame, name), getattr(expected, name)), name
+    assert frame.pick(SIZE[0] // 2, SIZE[1] // 2) is not None
 
 
 # ---------------------------------------------------------------- into arrays that are given

@@ -15,6 +15,7 @@ from rasterizer.engine.plan import make_plan
 from rasterizer.engine.points import gather_geometry
 from rasterizer.engine.scene_tables import SceneTables
 from rasterizer.engine.shadow_maps import Shadows
+from rasterizer.geometry.surfaces import compute_shapes
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
 from rasterizer.pipeline.workspace import WorkspacePool
@@ -60,7 +61,9 @@ class Points:
         weights = rng.dirichlet((1, 1, 1), N_POINT)
         position = np.einsum("nk,kna->an", weights, geometry.positions[geometry.vertex[:, face]])
         normal = np.einsum("nk,kna->an", weights, geometry.normals[geometry.corner[:, face]])
-        shape = shadows.shapes[face]
+        shapes = np.empty((geometry.vertex.shape[1], 5))
+        compute_shapes(geometry.positions, geometry.vertex, shapes)
+        shape = shapes[face]
         position = position - view.eye[:, None]
         away = 1 + rng.uniform(-20, 20, N_POINT) * 2.0**-24  # how far float32 is off along a ray
         normal = normal / np.linalg.norm(normal, axis=0)
