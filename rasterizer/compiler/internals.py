@@ -84,11 +84,11 @@ def is_counting() -> bool:
     return _counts.get()
 
 
-def compile_helper(function: Callable, is_inlined: bool = True):
-    """Return a function that kernels call, as numba has it; inlined wherever it is called, or wherever LLVM likes."""
+def compile_helper(function: Callable):
+    """Return a function that kernels call, as numba has it; inlined wherever it is called."""
     if is_counting():
         return numba.njit(**_DOCUMENTED)(function)
-    return numba.njit(forceinline=is_inlined, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
+    return numba.njit(forceinline=True, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
 
 
 def compile_by_type(function: Callable, choose: Callable):

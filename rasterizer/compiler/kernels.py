@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from ..errors import RasterizerError
-from ..locks import LOCK, cached_property
+from ..locks import LOCK
 from . import fingerprint
 from .layouts import COMMON
 from .machine_code import LoadedCode
@@ -89,15 +89,6 @@ class Kernel:
     def signatures(self) -> list:
         """The signatures that it was called with in this process."""
         return [*self._loaded, *(self._by_numba.signatures if self._by_numba is not None else ())]
-
-    @property
-    def _numba_type_(self):
-        """What numba takes this for where another kernel calls it."""
-        return self._as_helper._numba_type_
-
-    @cached_property
-    def _as_helper(self):
-        return Helper(self.py_func, lambda: _internals().compile_helper(self.py_func, is_inlined=False))
 
     def _call_first(self, arguments):
         """Call the kernel with arguments of types that were not met before."""

@@ -23,7 +23,7 @@ from ..pipeline.gradients import DOUBLE_PRECISION, HAS_COLORS, HAS_TEXTURE, SING
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import shade_lit
-from ..pipeline.resolve import Encoding, Picture, SampleGrid, make_grid, resolve
+from ..pipeline.resolve import Encoding, Picture, make_grid, resolve
 from ..pipeline.scan import Deferred, ScanCounts, scan, scan_index
 from ..pipeline.setup import DepthScale
 from ..pipeline.shade import fade, shade_interpolated
@@ -123,7 +123,7 @@ class ColorPass(Pass):
     screen: Screen
     encoding: Encoding
     picture: Picture  # written
-    grid: SampleGrid | None = field(init=False)  # the samples of a pixel
+    grid: tuple[int, ...] | None = field(init=False)  # the samples of a pixel, see `make_grid`
     min_channels: int = field(init=False)  # that any band needs
     has_plain: bool = field(init=False)  # some material has no texture
 

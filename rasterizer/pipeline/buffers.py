@@ -42,7 +42,7 @@ from .interpolate import (
 from .scan import MAX_EXTENT
 from .setup import DEPTH_PLANE_ROUNDING, DepthScale, depth_at_corner, rotate_to_first
 from .transform import DEPTH_BITS, Drawables, depths_on_plane
-from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, setup_of, strip_of
+from .visibility import CLEAR, PAYLOAD_BITS, VisibilityBuffer, clear, is_exact, setup_of
 
 
 class VisibleSurfaces(NamedTuple):
@@ -502,16 +502,4 @@ def ordered(values, order):
 @kernel
 def clear_band(visibility, n_row):
     """Clear the first `n_row` rows of a visibility buffer (VisibilityBuffer); return how many samples are covered."""
-    n_covered = 0
-    for row in range(n_row):
-        strip = strip_of(row)
-        left, right, start = visibility.left[strip], visibility.right[strip], row * visibility.pitch
-        if left < right:
-            packed = visibility.packed[start + left : start + right + PADDING]
-            for k in range(right - left):
-                n_covered += packed[k] < CLEAR
-                packed[k] = CLEAR
-            for k in range(right - left, len(packed)):
-                packed[k] = CLEAR
-    forget(visibility)
-    return n_covered
+    return clear(visibility, n_row)

@@ -20,7 +20,7 @@ from .visibility import CLEAR, clear, extent_of_pixels, next_stretch, strip_of
 
 
 class Picture(NamedTuple):
-    """What is written; an array that isn't wanted has no rows."""
+    """What is written; linear arrays that aren't wanted have no rows."""
 
     color: np.ndarray  # (height, width, 3) float32, linear
     rgba: np.ndarray  # (height, width) uint32, a pixel's bytes in memory order red, green, blue, alpha
@@ -55,15 +55,9 @@ PIECE = 64  # pixels that are averaged together: those that are covered as a who
 MAX_FACTOR = 4  # samples a pixel along an axis
 
 
-class SampleGrid(NamedTuple):
-    """The samples of a pixel, as many along either axis as `axis` has items."""
-
-    axis: tuple  # zeros
-
-
-def make_grid(factor) -> SampleGrid | None:
-    """Return the samples of a pixel, `factor` along each axis; None for one sample."""
-    return None if factor == 1 else SampleGrid((0,) * factor)
+def make_grid(factor) -> tuple[int, ...] | None:
+    """Return the samples of a pixel, as many zeros as there are along each axis; None for one sample."""
+    return None if factor == 1 else (0,) * factor
 
 
 @helper
@@ -71,7 +65,7 @@ def factor_of(grid):
     """Return the number of samples along an axis, int64, which the compiler takes for a constant."""
     if grid is None:
         return 1
-    return len(grid.axis)
+    return len(grid)
 
 
 class PixelBatch(NamedTuple):
@@ -100,7 +94,7 @@ def resolve(visibility, radiance, translucent, rows, grid, encoding, batch, out)
     radiance : (n_channel, n_row * pitch) float32 or float64, linear
     translucent : Translucent, the samples that nothing opaque is behind (a_buffer.py), or None where there are none
     rows : (first, end) of the pixels; the band's rows are as many times that as a pixel has samples along an axis
-    grid : SampleGrid, or None
+    grid : see `make_grid`
     encoding : Encoding
     batch : PixelBatch, scratch
     out : Picture
@@ -194,8 +188,7 @@ def write_pixels(batch, n, n_channel, encoding, first, out):
         show_background(pixels, n, encoding, 1 if is_single else 3)
     if out.color.shape[0] > 0:
         write_colors(pixels, n, out.color[j, left:], out.alpha[j, left:])
-    if out.rgba.shape[0] > 0:
-        encode_batch(pixels, batch.levels, n, encoding, out.rgba[j, left:])
+    encode_batch(pixels, batch.levels, n, encoding, out.rgba[j, left:])
 
 
 @helper
@@ -245,7 +238,7 @@ def average_samples(visibility, radiance, translucent, first, grid, n, batch):
     ----------
     translucent : Translucent; None where nothing transparent is seen
     first : the band's row of samples and the column of pixels where the batch begins
-    grid : SampleGrid, or None
+    grid : see `make_grid`
     """
     if grid is None:
         return average_single(visibility, radiance, translucent, first, n, batch)

@@ -201,16 +201,21 @@ def shows_nothing(packed):
 
 @helper
 def clear(visibility, n_row):
-    """Clear the first `n_row` rows where they were written, padding included, and forget all extents."""
-    packed = visibility.packed
+    """Clear the first `n_row` rows where they were written, padding included, and forget all extents; return how many
+    samples were covered."""
+    packed, n_covered = visibility.packed, 0
     for row in range(n_row):
         strip = strip_of(row)
         left, right = visibility.left[strip], visibility.right[strip]
         if left < right:
             start = row * visibility.pitch
-            for k in range(start + left, start + right + PADDING):
+            for k in range(start + left, start + right):
+                n_covered += packed[k] < CLEAR
+                packed[k] = CLEAR
+            for k in range(start + right, start + right + PADDING):
                 packed[k] = CLEAR
     forget(visibility)
+    return n_covered
 
 
 @helper
