@@ -42,6 +42,7 @@ from .model_file import (
     MeshSettings,
     ModelFile,
     Part,
+    Report,
     bytes_of_copy,
     materials_of,
     mend_unused,
@@ -538,7 +539,7 @@ def _report(model, contents, parts, crease_angle, seen):
     else:
         facts.append(f"{normals} used" if normals else "no file normals")
     unused = f"; not used: {', '.join(left_out)}" if left_out else ""
-    model.log(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}")
+    model.log(Report(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}", left_out))
 
 
 _ATTRIBUTES = {

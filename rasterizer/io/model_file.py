@@ -4,7 +4,7 @@ In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a di
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -51,6 +51,24 @@ class Contents(NamedTuple):
     left_out: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
     up: str | None = None
+
+
+class Report(str):
+    """A fact about a file, as `log` gets it, and what the file has that isn't used.
+
+    Parameters
+    ----------
+    text : the fact
+    left_out : texts, as `left_out` and `unused` of `Contents`
+    """
+
+    left_out: tuple[str, ...]
+
+    def __new__(cls, text: str, left_out: Iterable[str] = ()) -> "Report":
+        """Make a text that knows more."""
+        report = super().__new__(cls, text)
+        report.left_out = tuple(left_out)
+        return report
 
 
 class MeshSettings(NamedTuple):
