@@ -64,19 +64,20 @@ def picture_warnings(frame, scene, request, camera, model) -> list[str]:
     """
     if frame.stats.coverage == 0.0:
         return [f"{model}: the picture is empty: {_why_empty(frame.stats, scene, request, camera)}"]
-    if frame.has("rgb") and not frame.rgb.any() and scene.background is None:
+    is_alone = frame.has("rgb") and scene.background is None
+    if is_alone and not frame.rgba[..., :3].any():
         if all(_is_black(mesh) for mesh in scene.meshes):
             return [f"{model}: the picture is black: so are its materials or colours; try --color grey"]
         return [f"{model}: the picture is black: no light reaches what is seen; try --preset headlight"]
-    if frame.has("rgb") and _is_white(frame):
+    if is_alone and _is_white(frame.rgba[::4, ::4]):
         return [f"{model}: the picture is white: its lights are too bright; try --color-range global, or --exposure -3"]
     return []
 
 
-def _is_white(frame) -> bool:
-    """Tell whether nine of ten pixels of what is seen are white; some of them tell."""
-    rgb, alpha = frame.rgb[::4, ::4], frame.alpha[::4, ::4]
-    return bool((rgb[alpha > 0].min(axis=-1) == 255).mean() > 0.9) if alpha.any() else False
+def _is_white(rgba) -> bool:
+    """Tell whether nine of ten pixels (height, width, 4) that show anything are white."""
+    seen = rgba[rgba[..., 3] > 0]
+    return len(seen) > 0 and (seen == 255).all(axis=1).mean() > 0.9
 
 
 def _is_black(mesh) -> bool:

@@ -171,6 +171,7 @@ def test_doubtful_pictures(folder, capsys):
     for argv, words in (
         (f"{CUBE} --zoom 9 --eye 9,9,9 --target 20,20,20", away + "(-1, -1, -1) to (1, 1, 1); try another --eye"),
         (f"{CUBE} --light ambient:0", "cube.obj: the picture is black: no light reaches what is seen"),
+        (f"{CUBE} --exposure 12", "cube.obj: the picture is white: its lights are too bright"),
         ("black.obj", "the picture is black: so are its materials or colours"),
         ("dark.obj", "the picture is black: so are its materials or colours"),
         ("away.obj --cull back --view front", "seen from behind; try --cull none"),
