@@ -77,7 +77,7 @@ def picture_warnings(frame, scene, request, camera, model) -> list[str]:
 def _is_white(rgba) -> bool:
     """Tell whether nine of ten pixels (height, width, 4) that show anything are white."""
     seen = rgba[rgba[..., 3] > 0]
-    return len(seen) > 0 and (seen == 255).all(axis=1).mean() > 0.9
+    return len(seen) > 0 and (seen[:, :3] == 255).all(axis=1).mean() > 0.9
 
 
 def _is_black(mesh) -> bool:
