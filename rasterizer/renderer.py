@@ -185,7 +185,8 @@ class Renderer:
         found = object.__new__(Renderer)
         found.options, found.framing = self.options, self.framing
         found.scene = Appearance(lights=lights).change(self.scene, self.options.shading, self.options.ground)
-        found._ground = self._ground
+        if "_ground" in vars(self):
+            found._ground = self._ground
         found._prepare(self._prepared)
         return found
 

@@ -69,7 +69,8 @@ def picture_warnings(frame, scene, request, camera, model) -> list[str]:
         if all(_is_black(mesh) for mesh in scene.meshes):
             return [f"{model}: the picture is black: so are its materials or colours; try --color grey"]
         return [f"{model}: the picture is black: no light reaches what is seen; try --preset headlight"]
-    if is_alone and _is_white(frame.rgba[::4, ::4]):
+    is_cut_off = request.options.color_range == "clamp" and frame.stats.plan.bound > 1.0
+    if is_alone and is_cut_off and _is_white(frame.rgba[::4, ::4]):
         return [f"{model}: the picture is white: its lights are too bright; try --color-range global, or --exposure -3"]
     return []
 

@@ -6,7 +6,7 @@ import sys
 from contextlib import closing, contextmanager, nullcontext
 from time import perf_counter
 
-from ..errors import OutputError, counted, error_of
+from ..errors import OutputError, counted, cut, error_of
 
 QUIET, NORMAL, VERBOSE, EVERYTHING = -1, 0, 1, 2  # the last: what explains how the program works
 STDIO = "-"  # what stands for stdin or stdout
@@ -285,7 +285,7 @@ class Bar:
             n_filled = BAR_WIDTH * n_done // max(n, 1)
             bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)
             # An escape sequence of terminals clears the rest of the line.
-            sys.stderr.write(f"\rraster: [{bar}] {n_done}/{n} {plain(what)}\x1b[K")
+            sys.stderr.write(f"\rraster: [{bar}] {n_done}/{n} {cut(what)}\x1b[K")
             sys.stderr.flush()
             self._is_drawn = True
 

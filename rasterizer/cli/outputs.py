@@ -18,7 +18,7 @@ from ..io import formats
 from ..io.files import identity_of, refuse_inputs, write_outputs
 from .messages import STDIO, write_stdout
 from .models import list_models
-from .request import seed_of, suffix_of
+from .request import is_name, seed_of, suffix_of
 
 _HOW_TO_DIFFER = (
     "give -o a template with {stem}, {view}, {ext}, {folder} or {array}, or the folder above them in the place of both"
@@ -149,19 +149,25 @@ def _escaped(text) -> str:
     return text.replace("{", "{{").replace("}", "}}")
 
 
-def _is_name(output) -> bool:
-    """Tell whether what -o says is the name of a file, or stdout, and no folder."""
-    return output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output))
-
-
 def _check_format(request) -> None:
-    """Refuse --format where all files have names of their own, and one of them another format."""
+    """Refuse --format where all files have names of their own, and one of them another format or none."""
     files, names = request.files, [output for output, _ in request.files.asked]
-    for output in names if files.format is not None and all(map(_is_name, names)) else ():
-        if output != STDIO and suffix_of(output) != suffix_of(f"x.{files.format.lstrip('.')}"):
+    if files.format is None:
+        return
+    is_any_folder, format = not all(map(is_name, names)), files.format.lower().lstrip(".")
+    for output in (output for output in names if output and is_name(output) and output != STDIO):
+        suffix = suffix_of(output)
+        if not suffix or not (is_any_folder or _format_of(suffix) == _format_of(format)):
             where = "of files in a folder, without -o, or on stdout"
-            folder = "" if suffix_of(output) else f"; a folder is written {os.path.join(output, '')}"
+            folder = "" if suffix else f"; a folder is written {os.path.join(output, '')}"
             raise SceneError(f"--format is that {where}; given --format {files.format} and -o {output}{folder}")
+
+
+def _format_of(suffix) -> str:
+    """Return the format of a suffix: of pictures Pillow's name, which several have."""
+    from ..io.formats import picture_format
+
+    return suffix if suffix in ARRAY_SUFFIXES else picture_format(suffix)
 
 
 def _template(output, name, arrays, request) -> str:
@@ -175,7 +181,7 @@ def _template(output, name, arrays, request) -> str:
     """
     if output == "":
         raise SceneError("-o needs a name; given nothing")
-    if _is_name(output):
+    if is_name(output):
         return output
     view = "-{view}" if len(request.views) > 1 else ""
     suffix = request.files.default_suffix if arrays is None else ".npy" if len(arrays) == 1 else ".npz"

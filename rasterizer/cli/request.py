@@ -4,11 +4,12 @@ arguments ─ make_request ─ Request, of all models ─ over(file) ─ Request
 argparse                                            what a scene file says, where no flag does
 """
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from ..scene.scalars import ScalarWords
 from ..scene.scene import DepthCue, Scene
 from ..viewpoint import Viewpoint, check_words, is_path, words_given, zoomed
 from .flags import EVERY, UNSAID
+from .messages import STDIO
 from .values import make_light
 
 
@@ -50,9 +52,10 @@ class Files(NamedTuple):
         return self.asked[-1][0]
 
     def named(self, output: str | None) -> str | None:
-        """Return an output, or a name with the suffix that --format says, where it has none."""
-        is_said = self.format is not None and not suffix_of(output)
-        return f"{output or 'x'}.{self.format.lstrip('.')}" if self.format is not None and is_said else output
+        """Return an output, or a name with the suffix that --format says, where it is a folder, stdout or left out."""
+        if self.format is None or (output != STDIO and is_name(output)):
+            return output
+        return f"{output if output == STDIO else 'x'}.{self.format.lstrip('.')}"
 
     @property
     def holds_arrays(self) -> bool:
@@ -187,6 +190,11 @@ def make_request(arguments: Any) -> tuple[Request, dict[str, Any]]:
 
 
 # --- what is written --------------------------------------------------------------------------------------------------
+
+
+def is_name(output: str | None) -> TypeGuard[str]:
+    """Tell whether what -o says is the name of a file, or stdout, and no folder."""
+    return output is not None and not (output.endswith(("/", os.sep)) or os.path.isdir(output))
 
 
 def suffix_of(output: str | None) -> str:

@@ -102,7 +102,7 @@ def gather_casters(
 
 
 class Shadows:
-    """The shadow maps of a scene, kept from picture to picture, and what looking them up needs of the surfaces."""
+    """The shadow maps of a scene, kept from picture to picture."""
 
     def __init__(
         self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan, inner_sides: NDArray[np.int8] | None = None
@@ -110,7 +110,7 @@ class Shadows:
         cut_outs = make_cut_outs(plan, geometry, NO_DEPTHS)
         self._casters = gather_casters(geometry, bounds, plan.opacity, inner_sides, cut_outs)
         self._corners, self._bounds = corners_of(bounds), bounds
-        self._geometry, self._plan = geometry, plan
+        self._plan = plan
         # Where a light was (`place_of`), and its maps, by its index and their type; or its extent, by its index.
         self._maps: dict[tuple, tuple[tuple, ShadowMap | None]] = {}
         self._extents: dict[int, tuple[tuple, tuple]] = {}

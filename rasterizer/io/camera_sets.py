@@ -13,6 +13,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,7 @@ def _of_nerf(said: dict[str, Any], size: Sequence[int] | None) -> Camera:
     """Return the camera of what is said of a picture."""
     if not isinstance(said["file_path"], str):
         raise ValueError(f"file_path must be text; given {shown(said['file_path'])}")
-    if said.get("camera_model", "PINHOLE") not in _PLACES or any(said.get(name) for name in _DISTORTION):
+    if (said.get("camera_model") or "PINHOLE") not in tuple(_PLACES) or any(said.get(name) for name in _DISTORTION):
         raise ValueError(UNDISTORT)
     width, height = (said["w"], said["h"]) if "w" in said else size or (None, None)
     if width is None:
@@ -168,7 +169,8 @@ def read_colmap(folder: str | os.PathLike[str]) -> dict[str, Camera]:
             K = _matrix(*(values[place] for place in _PLACES[model]))
             lenses[number] = K, (int(width), int(height))
         found = {}
-        for row in filter(str.strip, _rows(place / "images.txt")[::2]):
+        rows = list(dropwhile(lambda row: not row.strip(), _rows(place / "images.txt")))
+        for row in filter(str.strip, rows[::2]):  # behind each picture a line of points, maybe of none
             _, *pose, number, name = row.split(maxsplit=9)
             w, x, y, z, *t = _numbers(pose)
             length = math.hypot(x, y, z)

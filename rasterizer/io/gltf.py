@@ -290,7 +290,9 @@ def _carry(part, arrays, joints) -> None:
     numbers = [np.asarray(arrays[key]) for key in sorted(arrays) if key.startswith(_CARRIED[0])]
     weights = [linear_values(arrays[key]) for key in sorted(arrays) if key.startswith(_CARRIED[1])]
     numbers, weights = np.concatenate(numbers, axis=1), np.concatenate(weights, axis=1)
-    weights[~weights.any(axis=1), 0] = 1.0  # what nothing carries would fall into the origin: its first joint does
+    is_bare = ~weights.any(axis=1)  # what nothing carries would fall into the origin: its first joint does
+    weights[is_bare, 0] = 1.0
+    numbers[is_bare & ~(numbers[:, 0] < len(joints)), 0] = 0
     vertices, matrices, total = part["vertices"], np.zeros((len(part["vertices"]), 3, 4)), 0.0
     for number, weight in zip(numbers.T, weights.T, strict=True):
         number = np.where(weight == 0.0, 0, number)
@@ -835,7 +837,7 @@ def read_lights_and_camera(
     """
     nodes = tree.get("nodes", [])
     sources = tree.get("extensions", {}).get(_LIGHTS, {})
-    lights, camera = [], None
+    lights, camera, told = [], None, set()
     for number in sorted(places):
         node, matrix = nodes[number], places[number]
         light = node.get("extensions", {}).get(_LIGHTS, {}).get("light")
@@ -844,9 +846,9 @@ def read_lights_and_camera(
             model.mend(*SCALED_AWAY)
             continue
         if light is not None and _is_there(model, sources, "lights", light, "light"):
-            lights += _made(model, "light", light, sources["lights"], light_of, matrix)
+            lights += _made(model, "light", light, sources["lights"], light_of, matrix, told)
         if camera is None and "camera" in node and _is_there(model, tree, "cameras", node["camera"], "camera"):
-            camera = next(iter(_made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix)), None)
+            camera = next(iter(_made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix, told)), None)
     return tuple(lights) or None, camera
 
 
@@ -903,16 +905,20 @@ def _own_matrix(node) -> np.ndarray:
     return matrix
 
 
-def _made(model, word, number, sources, make, matrix):
-    """Make a light or camera, in a list; an empty one where it isn't legal, which is warned of."""
-    source = sources[number]
-    label = f"{word} {number}" + (f" '{name_in(source['name'])}'" if source.get("name") else "")
+def _made(model, word, number, sources, make, matrix, told):
+    """Make a light or camera, in a list; an empty one where it isn't legal, which is warned of, unless it is one of
+    those that were told."""
+    source, label = sources[number], f"{word} {number}"
     try:
+        label += f" '{name_in(source['name'])}'" if source.get("name") else ""
         return [make(source, matrix)]
     except KeyError as fault:
-        model.warn(f"{label}: {fault.args[0]} is missing; left out")
-    except (SceneError, TypeError, ValueError) as fault:
-        model.warn(f"{label}: {_reason(fault)}; left out")
+        reason = f"{fault.args[0]} is missing"
+    except (SceneError, TypeError, ValueError, AttributeError) as fault:
+        reason = _reason(fault)
+    if label not in told:
+        told.add(label)
+        model.warn(f"{label}: {reason}; left out")
     return []
 
 

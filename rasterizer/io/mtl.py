@@ -165,7 +165,7 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
 def _blocks(library) -> list[tuple[str, dict, list]]:
     """Return the name, the values and the faults of every material; a value is (number or colour, line), a map (name,
     wrap)."""
-    blocks, name, values, faults = [], None, {}, []
+    blocks, name, values, faults, physical = [], None, {}, [], {}
     lines = text_of(library.data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for line_number, line in enumerate(lines, 1):
         key, _, rest = line.strip().replace("\t", " ").partition(" ")
@@ -181,7 +181,7 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
             if number is not None:
                 values[key] = number, line_number
         elif key in _PHYSICAL:
-            library.tell(f"{key.title()} is not used: materials of MTL files are lit by Kd, Ks and Ns", line_number)
+            physical.setdefault(key.title(), line_number)
         elif key.startswith(_MAPS) and not rest:
             faults.append((line_number, f"{key} names no picture; the line is left out"))
         elif key in ("map_kd", "map_d", "map_ka"):
@@ -191,6 +191,8 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
             faults.append((line_number, f"the texture '{cut(rest, 80)}' ({key}) is not drawn"))
     if name is not None:
         blocks.append((name, values, faults))
+    for key, line_number in physical.items():
+        library.tell(f"{key} is not used: materials of MTL files are lit by Kd, Ks and Ns", line_number)
     for name, values, faults in blocks:
         ambient = values.pop("map_ka", None)
         if ambient is not None and "map_kd" not in values:

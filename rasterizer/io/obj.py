@@ -7,9 +7,9 @@ across their borders. Faces keep the order of the file. Points, lines, faces wit
 surfaces are left out.
 
 Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name. A `v` of four or five
-numbers is a position, of six or more a position and its colour (0..1, or 0..255 where one is above 1), used where all
-`v` lines have one. Texture coordinates and normals that a face names and the file doesn't have are none, which is
-warned of. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
+numbers is a position, of six or more a position and its colour (0..1, or 0..255 where one is above 1); vertices without
+one beside others of their object are white. Texture coordinates and normals that a face names and the file doesn't have
+are none, which is warned of. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
 """
 
 import re

@@ -269,7 +269,6 @@ class Resolution:
     A picture of half the sides costs a quarter at the least, and as much at the most: transforming vertices doesn't get
     cheaper with fewer pixels. So a larger one is drawn only where four times the time of the smaller one is within the
     budget: then it can't be too slow, and sizes don't alternate.
-
     """
 
     def __init__(self) -> None:

@@ -282,13 +282,19 @@ def test_a_format_is_that_of_stdout_or_refused(capfdbinary):
                         ("--format npz", b"PK"), ("--array depth --format png --scale 1", b"\x89PNG")):  # fmt: skip
         assert run(CUBE, "-o", "-", *argv.split()) == 0
         assert capfdbinary.readouterr().out.startswith(start), argv
-    assert run(CUBE, "-o", "x.jpg", "--format", "JPG") == run(CUBE, "-o", ".", "--format", "npy") == 0
-    assert np.load("cube.npy").dtype == np.float32, "as of -o x.npy"
+    for name, format in (("x.jpg", "JPG"), ("x.jpeg", "jpg"), ("x.tif", "tiff")):
+        assert run(CUBE, "-o", name, "--format", format) == 0
+    for place in (".", "out/", "my.dir/"):
+        assert run(CUBE, "-o", place, "--format", "npy") == 0
+        assert np.load(f"{place}/cube.npy").dtype == np.float32, "as of -o x.npy"
+        assert run(CUBE, "-o", place, *["--array", "depth", "--format", "png", "--scale", "0.001"]) == 0
 
 
 def test_a_format_that_no_output_takes_is_refused(capsys):
     assert_refused(capsys, [([CUBE, *argv.split()], words) for argv, words in (
         ("-o x --format jpg", "a folder is written x"),
+        ("-o out/ -o bare --format jpg", "a folder is written bare"),
+        ("-o= --format jpg", "-o needs a name"),
         ("-o x.png --format jpg", "given --format jpg and -o x.png"),
         ("-o - --format nope", "no format to write"),
         ("--format npy --colorbar", "is drawn beside a picture"),

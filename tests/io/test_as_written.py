@@ -96,10 +96,11 @@ def test_a_vertex_of_a_skin_without_weights_goes_with_its_first_joint():
 
     joints = np.tile(np.eye(4), (2, 1, 1))
     joints[0, :3, 3], joints[1, :3, 3] = (5, 0, 0), (0, 5, 0)
-    part = {"vertices": np.array(CORNERS, float), "faces": np.array([[0, 1, 2]])}
     weights = np.array([[0, 0, 0, 0], [0, 1, 0, 0], [0.5, 0.5, 0, 0]])
-    numbers = np.array([[0, 1, 0, 0]] * 3, np.uint8)
-    _carry(part, {"JOINTS_0": numbers, "WEIGHTS_0": weights}, joints)
+    for nobody in (0, 99):  # a number that no joint has, of a vertex that none carries
+        part = {"vertices": np.array(CORNERS, float), "faces": np.array([[0, 1, 2]])}
+        numbers = np.array([[nobody, 1, 0, 0], [0, 1, 0, 0], [0, 1, 0, 0]], np.uint8)
+        _carry(part, {"JOINTS_0": numbers, "WEIGHTS_0": weights}, joints)
     np.testing.assert_allclose(part["vertices"], np.array(CORNERS) + [(5, 0, 0), (0, 5, 0), (2.5, 2.5, 0)])
 
 
@@ -129,11 +130,17 @@ def test_colours_of_vertices_go_before_those_of_faces_in_ply_files():
 
 def test_cameras_with_blank_lines_and_those_of_lenses_that_are_not_drawn(tmp_path):
     (tmp_path / "cameras.txt").write_text("# a comment\n1 PINHOLE 640 480 500 500 320 240\n\n")
-    (tmp_path / "images.txt").write_text("# a comment\n1 1 0 0 0 0 0 3 1 a.png\n\n2 1 0 0 0 0 0 4 1 b.png\n1 2 3\n\n")
+    (tmp_path / "images.txt").write_text("# a comment\n\n1 1 0 0 0 0 0 3 1 a.png\n\n2 1 0 0 0 0 0 4 1 b.png\n1 2 3\n\n")
     assert sorted(rz.read_colmap(tmp_path)) == ["a.png", "b.png"]
     pose = np.eye(4).tolist()
-    for lens, is_legal in (({}, True), ({"camera_model": "OPENCV"}, True), ({"camera_model": "EQUIRECTANGULAR"}, False),
-                           ({"camera_model": "OPENCV_FISHEYE"}, False), ({"is_fisheye": True}, False)):  # fmt: skip
+    lenses = [
+        ({}, True),
+        ({"camera_model": "OPENCV"}, True),
+        ({"camera_model": None}, True),
+        ({"is_fisheye": True}, False),
+    ]
+    lenses += [({"camera_model": name}, False) for name in ("EQUIRECTANGULAR", "OPENCV_FISHEYE", ["x"])]
+    for lens, is_legal in lenses:
         content = {"fl_x": 500, "w": 640, "h": 480, "frames": [{"file_path": "a.png", "transform_matrix": pose}]} | lens
         (tmp_path / "transforms.json").write_text(json.dumps(content))
         if is_legal:

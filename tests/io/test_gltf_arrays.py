@@ -359,6 +359,8 @@ def test_what_is_broken_is_named():
 # Lights and cameras that are not legal cost no model.
 ILLEGAL = {
     "lights": [
+        (5, "light 0: "),
+        ({"type": "spot", "spot": 5}, "light 0: "),
         ({"type": "point", "intensity": -1}, "light 0: the point light's color must not be negative"),
         ({"type": "point", "range": 0, "name": "lamp"}, "light 0 'lamp': the point light's range must be above 0"),
         ({"type": "spot", "spot": {"outerConeAngle": 2}}, "outer angle must be above 0 and at most 90"),
@@ -366,6 +368,7 @@ ILLEGAL = {
         ({"type": "point", "color": "red"}, "light 0: "),
     ],
     "cameras": [
+        ("a", "camera 0: "),
         (perspective(yfov=0, znear=1), "camera 0: the camera's fov must be at least"),
         (perspective(yfov=1, znear=2, zfar=1), "near must be below its far"),
         (perspective(znear=1), "camera 0: yfov is missing"),
@@ -378,8 +381,10 @@ ILLEGAL = {
 @pytest.mark.parametrize("kind", ILLEGAL)
 def test_lights_and_cameras_that_are_not_legal_are_left_out_with_a_warning(kind):
     for item, said in ILLEGAL[kind]:
-        with pytest.warns(UserWarning, match=said):
-            scene = loaded(light_node() if kind == "lights" else {"camera": 0}, **{kind: [item]})
+        node = light_node() if kind == "lights" else {"camera": 0}
+        with pytest.warns(UserWarning, match=said) as warned:
+            scene = loaded(node, node, **{kind: [item]})
+        assert len(warned) == 1
         assert scene.camera is None and len(scene.lights) == len(studio()) and scene.n_face == 12
 
 
