@@ -119,14 +119,14 @@ def _library(model, name, known) -> ModelFile | None:
     return known[identity]
 
 
-def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Material]:
+def read_materials(library: ModelFile, used: set[str], maps: "Maps") -> dict[str, Material]:
     """Read the materials of an MTL file.
 
     Parameters
     ----------
     library : ModelFile with the bytes of the MTL file; its folder is where textures are looked for
-    used : set of names of the materials whose textures are read, and whose doubts are warned of; None = all
-    maps : Maps, the pictures read so far
+    used : names of the materials that are read; of the others nothing is made or warned of
+    maps : the pictures read so far
 
     Returns
     -------
@@ -137,7 +137,6 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
     UserWarning : a line that can't be read or is taken otherwise than it stands there, with file and line; a texture
         that can't be
     """
-    maps = Maps(library) if maps is None else maps
     doubts, found = set(), {}  # pairs of a line and what is doubtful about it
     blocks = _blocks(library)
     is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
@@ -146,16 +145,14 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
         library.tell("'Ka 0 0 0' of all materials is taken as their Kd", ambient[0][1])
         for _, values, _ in blocks:
             values.pop("ka", None)
-    needed = [values for name, values, _ in blocks if used is None or name in used]
-    maps.decode_ahead(library, [values[key] for values in needed for key in ("map_kd", "map_d") if key in values])
-    for name, values, faults in blocks:
-        is_used = used is None or name in used
-        texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
-        own = doubts if is_used else set()  # of no concern
-        own.update(faults)
-        found[name] = material_of(name_in(name), values, texture, is_opacity, own, library.tell)
+    needed = [block for block in blocks if block[0] in used]
+    maps.decode_ahead(library, [values[key] for _, values, _ in needed for key in ("map_kd", "map_d") if key in values])
+    for name, values, faults in needed:
+        texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d"))
+        doubts.update(faults)
+        found[name] = material_of(name_in(name), values, texture, is_opacity, doubts, library.tell)
         used_map = values.get("map_kd") or values.get("map_d")
-        if is_used and used_map is not None and used_map[2] is not None:
+        if used_map is not None and used_map[2] is not None:
             maps.places[name] = used_map[2]
     for line, text in sorted(doubts):
         library.warn(text, line or None)

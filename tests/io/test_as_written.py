@@ -139,6 +139,7 @@ def test_cameras_with_blank_lines_and_those_of_lenses_that_are_not_drawn(tmp_pat
         ({"camera_model": None}, True),
         ({"is_fisheye": True}, False),
     ]
+    lenses += [({"is_fisheye": True}, False)]
     lenses += [({"camera_model": name}, False) for name in ("EQUIRECTANGULAR", "OPENCV_FISHEYE", ["x"])]
     for lens, is_legal in lenses:
         content = {"fl_x": 500, "w": 640, "h": 480, "frames": [{"file_path": "a.png", "transform_matrix": pose}]} | lens
