@@ -243,7 +243,7 @@ def _words(numbers: Any) -> str:
 
 def _unreadable(path: Any, what: str, fault: Exception) -> ModelError:
     """Say of a file what is wrong."""
-    said = getattr(fault, "strerror", None) or (f"no {fault}" if isinstance(fault, KeyError) else cut(fault, 300))
+    said = getattr(fault, "strerror", None) or cut(f"no {fault}" if isinstance(fault, KeyError) else fault, 300)
     return ModelError(f"{cut(path)}: can't be read as {what}: {said}")
 
 

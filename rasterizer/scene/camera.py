@@ -581,7 +581,8 @@ def _needed_size(size: Sequence[int] | None, what: str) -> Sequence[int]:
 
 def _target(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> NDArray[np.float64]:
     """A point to look at, about as far away as the eye is from the origin: that keeps every digit of the direction."""
-    return eye + forward * max(1.0, float(np.abs(eye).max()))
+    with np.errstate(over="ignore"):  # a camera refuses what isn't finite
+        return eye + forward * max(1.0, float(np.abs(eye).max()))
 
 
 # --- cameras that are turned ---------------------------------------------------------------------------------

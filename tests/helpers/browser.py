@@ -164,7 +164,10 @@ def _wait_until_it_answers(process, address, log):
 
 def run_cells(page):
     """Run all cells of the notebook that is open, from the menu, when its kernel is ready."""
+    # Extensions that other packages bring make JupyterLab ask for a build.
+    cancel = page.locator(".jp-Dialog").get_by_role("button", name="Cancel")
+    page.add_locator_handler(cancel, lambda button: button.click())
     page.wait_for_selector(".jp-Notebook .jp-CodeCell")
-    page.get_by_text(re.compile(r"Python 3 .* \| Idle")).wait_for()
+    page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status='idle']")
     page.get_by_role("menuitem", name=re.compile("^Run$")).click()
     page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
