@@ -846,10 +846,10 @@ def read_lights_and_camera(
             model.mend(*SCALED_AWAY)
             continue
         if light is not None and _is_there(model, sources, "lights", light, "light"):
-            lights += _made(model, "light", light, sources["lights"], light_of, matrix, told)
+            lights.append(_made(model, "light", light, sources["lights"], light_of, matrix, told))
         if camera is None and "camera" in node and _is_there(model, tree, "cameras", node["camera"], "camera"):
-            camera = next(iter(_made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix, told)), None)
-    return tuple(lights) or None, camera
+            camera = _made(model, "camera", node["camera"], tree["cameras"], camera_of, matrix, told)
+    return tuple(light for light in lights if light is not None) or None, camera
 
 
 def world_matrices(model: ModelFile, tree: dict) -> dict[int, np.ndarray]:
@@ -906,12 +906,12 @@ def _own_matrix(node) -> np.ndarray:
 
 
 def _made(model, word, number, sources, make, matrix, told):
-    """Make a light or camera, in a list; an empty one where it isn't legal, which is warned of, unless it is one of
-    those that were told."""
+    """Make a light or camera; None where it isn't legal, which is warned of, unless it is one of those that were
+    told."""
     source, label = sources[number], f"{word} {number}"
     try:
         label += f" '{name_in(source['name'])}'" if source.get("name") else ""
-        return [make(source, matrix)]
+        return make(source, matrix)
     except KeyError as fault:
         reason = f"{fault.args[0]} is missing"
     except (SceneError, TypeError, ValueError, AttributeError) as fault:
@@ -919,7 +919,7 @@ def _made(model, word, number, sources, make, matrix, told):
     if label not in told:
         told.add(label)
         model.warn(f"{label}: {reason}; left out")
-    return []
+    return None
 
 
 # ----------------------------------------------------------------

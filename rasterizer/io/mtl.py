@@ -86,15 +86,15 @@ def find_materials(
     unknown = [name for name in names if name not in materials]
     lacking = []
     if missing:
-        lacking.append(f"material file {listed([quoted(name) for name in missing])} not found")
+        lacking.append(f"material file {listed([_quoted(name) for name in missing])} not found")
     if unknown:
-        lacking.append(f"no definition of material {listed([quoted(name) for name in unknown])}; the default is used")
+        lacking.append(f"no definition of material {listed([_quoted(name) for name in unknown])}; the default is used")
     if lacking:
         model.warn("; ".join(lacking))
     return materials, maps.places
 
 
-def quoted(name: str) -> str:
+def _quoted(name: str) -> str:
     """Return a name for a message."""
     return f"'{name[:80]}'"
 

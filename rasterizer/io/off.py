@@ -55,9 +55,10 @@ def read_off(model: ModelFile) -> Contents:
     if has_w:
         with np.errstate(all="ignore"):
             points, table = points / table[:, :1], table[:, 1:]
-    is_unit = [bool((np.abs(table[:, k : k + 3]) <= LONGEST_NORMAL).all()) for k in (0, 4)]
-    if head[1].startswith("NC") and table.shape[1] >= 7 and is_unit == [False, True]:
-        table = np.hstack([table[:, 4:7], table[:, :4], table[:, 7:]])
+    if head[1].startswith("NC") and table.shape[1] >= 7:
+        is_unit = [bool((np.abs(table[:, k : k + 3]) <= LONGEST_NORMAL).all()) for k in (0, 4)]
+        if is_unit == [False, True]:
+            table = np.hstack([table[:, 4:7], table[:, :4], table[:, 7:]])
     part = {"normals": table[:, :3]} if has_normal else {}
     table = table[:, 3 * has_normal :]
     if has_uv:

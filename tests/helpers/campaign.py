@@ -226,7 +226,7 @@ def check_edges(case) -> list:
     with np.errstate(all="ignore"):
         expected = reference.render(scene, size, **settings)
     shares = [each.color[..., 1] * each.alpha for each in (frame, expected)]
-    n_off, most = (np.abs(shares[0] - shares[1]) > 1e-6).sum(), 5 + 0.01 * (shares[1] > 0).sum()
+    n_off, most = (np.abs(shares[0] - shares[1]) > 1e-6).sum(), 2 + 0.01 * (shares[1] > 0).sum()
     return [f"edges {settings['edges']} differ in {n_off} > {most:.3g} pixels"] if n_off > most else []
 
 
