@@ -172,7 +172,7 @@ class Appearance:
             legal = "a Material, the name of one, or a dict of some of its fields"
             raise SceneError(f"material must be {legal}; given {shown(given)}")
         if self.color is not None:
-            found |= {"texture": found.get("texture"), "diffuse": self.color}
+            found |= {"texture": found.get("texture"), "diffuse": linear_rgb(self.color, "the color")}
         elif found.get("texture") is not None:
             found.setdefault("diffuse", 1.0)
         if not found:

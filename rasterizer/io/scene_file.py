@@ -131,8 +131,8 @@ def read_camera_file(path: str | os.PathLike[str]) -> Camera | Viewpoint:
     name = name_of(path, "scene")
     with one_file(name):
         data = read_source(path, name)
+        formats.format_of(name, None, is_scene=True)
         with named_in_errors(name):
-            formats.format_of(name, None, is_scene=True)
             root = _table(_parse(data))
             if "meshes" in root and "camera" not in root:
                 raise SceneError("the scene has no camera")

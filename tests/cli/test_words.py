@@ -340,7 +340,7 @@ def test_words_that_contradict_each_other_or_are_not_legal():
         ({"camera": rz.Camera.perspective((1, 2, 3)), "fov": 3}, "given camera, fov"),
         ({"camera": 3}, 'camera must be a Camera, "file", "frame", a path or None; given 3'),
         ({"camera": "none.json"}, "none.json: no such file"),
-        ({"camera": TORUS}, "unknown format 'obj' of a scene file; readable are json"),
+        ({"camera": TORUS}, "^[^:]*torus.obj: unknown format .obj. of a scene file; readable are json"),
         ({"camera": ""}, "a path or None; given ''"),
         ({"allow_outside": "yes"}, "allow_outside must be True or False; given 'yes'"),
         ({"depth_cue": np.float32(-2)}, "the depth cue's scale must be above 0; given"),
@@ -354,7 +354,8 @@ def test_words_that_contradict_each_other_or_are_not_legal():
         ({"material": 3}, "material must be a Material, the name of one, or a dict of some of its fields; given 3"),
         ({"material": {"color": 1}}, "Material has no option 'color': did you mean diffuse"),
         ({"material": {"texture": np.eye(3)}}, "no texture coordinates"),
-        ({"color": (255, 0, 0)}, "diffuse"),
+        ({"color": (255, 0, 0)}, "the color must be linear"),
+        ({"color": "orangy"}, "the color must be a CSS name"),
         ({"subdivide": 16}, "subdivide must be a whole number within 0..15; given 16"),
         ({"options": {"samples": 1}}, "options must be Options or None"),
     ):
