@@ -8,7 +8,6 @@ import importlib.util
 import io
 import json
 import os
-import re
 import shutil
 import socket
 import subprocess
@@ -26,6 +25,13 @@ from PIL import Image
 from helpers.raster import ROOT
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
+# Whoever asks a notebook to run that has no kernel yet is asked for one.
+RUN_CELLS = """async () => {
+  const session = jupyterapp.shell.currentWidget.sessionContext;
+  await session.ready;
+  await session.session.kernel.info;
+  jupyterapp.commands.execute("notebook:run-all-cells");
+}"""
 FLAGS = ("--no-sandbox", "--force-color-profile=srgb", "--disable-gpu", "--disable-dev-shm-usage")
 
 
@@ -133,7 +139,11 @@ def jupyterlab(folder: Path):
     settings = own / "settings" / "@jupyterlab" / "apputils-extension" / "notification.jupyterlab-settings"
     settings.parent.mkdir(parents=True)
     settings.write_text('{"fetchNews": "false"}')
+    page = own / "config" / "labconfig" / "page_config.json"  # extensions of other packages make it ask for a build
+    page.parent.mkdir(parents=True)
+    page.write_text('{"buildAvailable": false, "buildCheck": false}')
     command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ip=127.0.0.1", f"--port={port}",
+               "--expose-app-in-browser",
                "--ServerApp.port_retries=0", "--IdentityProvider.token=secret", f"--ServerApp.root_dir={folder}",
                "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate"]  # fmt: skip
     log = folder / "jupyter.log"
@@ -163,11 +173,6 @@ def _wait_until_it_answers(process, address, log):
 
 
 def run_cells(page):
-    """Run all cells of the notebook that is open, from the menu, when its kernel is ready."""
-    # Extensions that other packages bring make JupyterLab ask for a build.
-    cancel = page.locator(".jp-Dialog").get_by_role("button", name="Cancel")
-    page.add_locator_handler(cancel, lambda button: button.click())
+    """Run all cells of the notebook that is open, when its kernel is ready."""
     page.wait_for_selector(".jp-Notebook .jp-CodeCell")
-    page.wait_for_selector(".jp-Notebook-ExecutionIndicator[data-status='idle']")
-    page.get_by_role("menuitem", name=re.compile("^Run$")).click()
-    page.get_by_role("menuitem", name="Run All Cells", exact=True).click()
+    page.evaluate(RUN_CELLS)
