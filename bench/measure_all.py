@@ -40,7 +40,7 @@ def list_runs(scan: str, textured: str) -> dict[str, list[str]]:
         "frame": ["frame.py", scan, *usual, "--seconds", "0.4"],
         "tolerance": ["tolerance.py", "--seconds", "1"],
         "throughput": ["throughput.py"],
-        "paths": ["paths.py", "--scan", scan, "--frames", "60", "--seconds", "2"],
+        "paths": ["paths.py", "--scan", scan],
         "choices": ["choices.py", "--seconds", "15", "--plot", "choices.png"],
         "refinement": ["refinement.py", "--seconds", "3"],
         "hard_cases": ["hard_cases.py"],

@@ -145,7 +145,7 @@ def add_arguments(parser) -> None:
                         help=f"of {', '.join(names)} (default: {', '.join(TOLD)})")  # fmt: skip
     parser.add_argument("--scan", type=scenes.find_name, default="teapot", metavar="FILE", help="default: the teapot")
     parser.add_argument("--scenes", default=TOLD_SCENES, help=f"of {','.join(WORKS)} (default: %(default)s)")
-    measure.add_turns(parser, frames=20, seconds=0.5)
+    measure.add_turns(parser, frames=60, seconds=2.0)
 
 
 def leave_out(path: Variant, folder: Path) -> Path:

@@ -25,13 +25,6 @@ from PIL import Image
 from helpers.raster import ROOT
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-# Whoever asks a notebook to run that has no kernel yet is asked for one.
-RUN_CELLS = """async () => {
-  const session = jupyterapp.shell.currentWidget.sessionContext;
-  await session.ready;
-  await session.session.kernel.info;
-  jupyterapp.commands.execute("notebook:run-all-cells");
-}"""
 FLAGS = ("--no-sandbox", "--force-color-profile=srgb", "--disable-gpu", "--disable-dev-shm-usage")
 
 
@@ -110,6 +103,14 @@ def screen_pixels(locator) -> np.ndarray:
 
 # ── JupyterLab on this machine, with one notebook ──────────────────────────────────────────────────────────
 
+# Whoever asks a notebook to run that has no kernel yet is asked for one.
+RUN_CELLS = """async () => {
+  const session = jupyterapp.shell.currentWidget.sessionContext;
+  await session.ready;
+  await session.session.kernel.info;
+  jupyterapp.commands.execute("notebook:run-all-cells");
+}"""
+
 
 def notebook_of(*cells: str) -> str:
     """A notebook of code cells, as the text of its file."""
@@ -139,9 +140,9 @@ def jupyterlab(folder: Path):
     settings = own / "settings" / "@jupyterlab" / "apputils-extension" / "notification.jupyterlab-settings"
     settings.parent.mkdir(parents=True)
     settings.write_text('{"fetchNews": "false"}')
-    page = own / "config" / "labconfig" / "page_config.json"  # extensions of other packages make it ask for a build
-    page.parent.mkdir(parents=True)
-    page.write_text('{"buildAvailable": false, "buildCheck": false}')
+    no_build = own / "config" / "labconfig" / "page_config.json"  # extensions of other packages make it ask for one
+    no_build.parent.mkdir(parents=True)
+    no_build.write_text('{"buildAvailable": false, "buildCheck": false}')
     command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ip=127.0.0.1", f"--port={port}",
                "--expose-app-in-browser",
                "--ServerApp.port_retries=0", "--IdentityProvider.token=secret", f"--ServerApp.root_dir={folder}",
