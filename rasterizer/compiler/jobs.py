@@ -129,6 +129,7 @@ def compile_job(job: tuple[str, str, tuple, str]) -> None:
     function = getattr(importlib.import_module(module), name)
     function = getattr(function, "py_func", function)
     store.keep(function, signature, internals.compile_signature(function, signature))
+    gc.freeze()  # else what runs jobs looks through it for garbage between two of them: a seventh of a second
 
 
 _store_at = functools.cache(Store.at)
