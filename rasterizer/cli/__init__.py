@@ -53,12 +53,14 @@ def _run_as_program() -> int:
     import gc
     import signal
 
-    from ..memory import keep_what_is_freed
+    from ..memory import keep_what_is_freed, take_small_pages
 
     is_importing = True
     gc.disable()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     keep_what_is_freed()
+    if sys.argv[1:2] == ["render"]:
+        take_small_pages()
 
     def is_imported():
         nonlocal is_importing

@@ -54,6 +54,8 @@ def find_inner_sides(
     body isn't closed, or has no volume
     """
     n_face, sides = len(faces), np.empty(len(faces), np.int8)
+    if is_welded and fans.valence < 2:  # no two triangles meet
+        return np.zeros(n_face, np.int8)
     while True:
         bodies, is_border = (
             Bodies(np.empty(n_face, np.uint32), *np.zeros((2, n_face))),

@@ -38,7 +38,7 @@ _MAX_RING = 32  # corners of a fan in which the next one is looked for among all
 # Corners that are measured together. What is noted of them are rows of numbers, one quantity a row; all stand one
 # behind the other in one flat array, `block[HERE + k]`, so that the compiler sees that they don't overlap.
 _BLOCK = 128
-_HERE, _AFTER, _BEFORE, _CROSS = (3 * _BLOCK * k for k in range(4))  # positions, and twice the area vectors
+_HERE, _AFTER, _BEFORE, _NORMAL = (3 * _BLOCK * k for k in range(4))  # positions, and the face's unit normal
 _SCALE, _SIZE, _COSINE, _WEIGHT = ((12 + k) * _BLOCK for k in range(4))  # see _area_vector
 _NEXT = _BLOCK  # from x to y to z
 
@@ -90,16 +90,19 @@ class Fans(NamedTuple):
     valence: int  # the most that one vertex has
 
 
+class FanCorners(NamedTuple):
+    """Corners that were measured: of some fans, or those of one that have an area."""
+
+    measured: NDArray[np.float64]  # (n, 4) the face's unit normal there, and the weight, which is 0 without area
+    members: NDArray[np.uint32]  # (n,) the corner
+    after: NDArray[np.uint32]  # (n,) the vertices at the far ends of its edges
+    before: NDArray[np.uint32]  # (n,)
+
+
 class FanScratch(NamedTuple):
-    """What is known of some fans that are measured together, and of one while it is worked on: a row or an entry for
-    each corner, of the one those with an area."""
+    """What is known of a fan while it is worked on: an entry for each of its corners."""
 
     block: NDArray[np.float64]  # see _BLOCK
-    measured: NDArray[np.float64]  # (max(_BLOCK, valence), 4) as below; the weight is 0 without area
-    corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
-    members: NDArray[np.uint32]  # (valence,) the corner
-    after: NDArray[np.uint32]  # (valence,) the vertices at the far ends of its edges
-    before: NDArray[np.uint32]  # (valence,)
     next: NDArray[np.uint32]  # (valence,) in a ring, the corner across the edge to `after`; its own at a crease
     keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
     parents: NDArray[np.uint32]  # (valence,) the groups: see _find
@@ -208,13 +211,13 @@ def split_creases(
 
     def split_part(part: tuple[int, int]) -> int:
         """Split the fans of a part of the vertices; number the split vertices from 0; return how many there are."""
-        n, start = fans.valence, fans.first[part[0]]
+        n, n_measured, start = fans.valence, max(_BLOCK, fans.valence), fans.first[part[0]]
+        corners = FanCorners(np.empty((n_measured, 4)), *np.empty((3, n_measured), np.uint32))
         scratch = FanScratch(
-            np.zeros(16 * _BLOCK), np.empty((max(_BLOCK, n), 4)), np.empty((n, 4)), *np.empty((4, n), np.uint32),
-            np.empty(2 * n, np.int64), np.empty(n, np.uint32), np.empty(n, np.int64), np.empty((n, 4)),
-            np.empty((n, 2), np.int64),
+            np.zeros(16 * _BLOCK), np.empty(n, np.uint32), np.empty(2 * n, np.int64), np.empty(n, np.uint32),
+            np.empty(n, np.int64), np.empty((n, 4)), np.empty((n, 2), np.int64),
         )  # fmt: skip
-        return split_fans(vertices, fans, rule, scratch, part, columns, source[start:], normals[start:])
+        return split_fans(vertices, fans, rule, corners, scratch, part, columns, source[start:], normals[start:])
 
     parts, n_split, n_before = workers.ranges(len(vertices), _PART), 0, np.zeros(len(vertices), np.uint32)
     for part, n in zip(parts, workers.map(split_part, parts), strict=True):
@@ -365,14 +368,14 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def split_fans(vertices, fans, rule, scratch, part, out_columns, out_source, out_normals):
+def split_fans(vertices, fans, rule, corners, scratch, part, out_columns, out_source, out_normals):
     """Join the corners of each fan into groups, and write split vertices for each; return how many.
 
     Those of the fans of a part of the vertices, (start, end). No corner has more than one.
 
-    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; out_columns (3, n_face) u32, the
-    split vertex of each corner, numbered from 0; out_source (n,) u32, the vertex that each was split from, and
-    out_normals (n, 3) f64, unit length or zero.
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; corners: FanCorners, room for a block and for the largest
+    fan; scratch: FanScratch; out_columns (3, n_face) u32, the split vertex of each corner, numbered from 0; out_source
+    (n,) u32, the vertex that each was split from, and out_normals (n, 3) f64, unit length or zero.
     """
     n_split, end = 0, part[0]
     while end < part[1]:
@@ -381,34 +384,35 @@ def split_fans(vertices, fans, rule, scratch, part, out_columns, out_source, out
         first = np.int64(fans.first[begin])
         while end < part[1] and np.int64(fans.first[end + 1]) - first <= _BLOCK:
             end += 1
-        _measure_corners(vertices, fans.corner_vertices, fans.corners[first : fans.first[end]], rule.weighting, scratch)
+        listed = fans.corners[first : fans.first[end]]
+        _measure_corners(vertices, fans.corner_vertices, listed, rule.weighting, scratch.block, corners)
         for vertex in range(begin, end):
-            around = fans.corners[fans.first[vertex] : fans.first[vertex + 1]]
-            if len(around) == 0:  # no face uses it
+            start, stop = np.int64(fans.first[vertex]) - first, np.int64(fans.first[vertex + 1]) - first
+            if start == stop:  # no face uses it
                 continue
-            n_fan = _gather_fan(fans.corner_vertices, around, np.int64(fans.first[vertex]) - first, scratch)
-            n_before = n_split
-            is_ring, n_joined = _walk_ring(n_fan, rule, scratch)
-            total, size = _sum_fan(n_fan, scratch)
-            if is_ring and n_joined == n_fan and size > 0.0:
+            fan, n_before = _take_fan(start, stop, corners), n_split
+            n_fan = len(fan.members)
+            is_ring, n_joined = _find_ring(fan, rule, scratch.next)
+            total, size = _sum_fan(fan)
+            if size > 0.0 and (n_joined == n_fan if is_ring else n_fan == 1):
                 out_normals[n_split, 0], out_normals[n_split, 1], out_normals[n_split, 2] = divide(total, size)
                 for i in range(n_fan):
-                    _set_corner(out_columns, scratch.members[i], n_split)
+                    _set_corner(out_columns, fan.members[i], n_split)
                 n_split += 1
+            elif n_fan > 0:
+                _link_fan(fan, is_ring, rule, scratch)
+                _sum_groups(fan, scratch)
+                n_split = _write_groups(fan, n_split, scratch, out_normals, out_columns)
             else:
-                _link_fan(n_fan, is_ring, rule, scratch)
-                _sum_groups(n_fan, scratch)
-                n_split = _write_groups(n_fan, n_split, scratch, out_normals, out_columns)
-            # The corners without area take the first of these, or a zero normal where there is none.
-            if n_fan == 0:
                 out_normals[n_split, 0], out_normals[n_split, 1], out_normals[n_split, 2] = 0.0, 0.0, 0.0
                 n_split += 1
+            # The corners without area take the first of these.
             i = 0
-            for slot in range(len(around) if n_fan < len(around) else 0):
-                if i < n_fan and scratch.members[i] == around[slot]:
+            for slot in range(start, stop if n_fan < stop - start else start):
+                if i < n_fan and fan.members[i] == listed[slot]:
                     i += 1
                 else:
-                    _set_corner(out_columns, around[slot], n_before)
+                    _set_corner(out_columns, listed[slot], n_before)
             for k in range(n_before, n_split):
                 out_source[k] = vertex
     return n_split
@@ -423,31 +427,31 @@ def neighbors(corner, corner_vertices):
 
 
 @helper
-def _measure_corners(vertices, corner_vertices, corners, weighting, scratch):
-    """Measure corners. Behind the last of them a block holds what was left there: loops that are as long as a block
-    are compiled to half as much code."""
-    block, measured = scratch.block, scratch.measured
+def _measure_corners(vertices, corner_vertices, corners, weighting, block, out):
+    """Measure corners; out: FanCorners. Behind the last of them a block holds what was left there: loops that are as
+    long as a block are compiled to half as much code."""
     for first in range(0, len(corners), _BLOCK):
         n = min(_BLOCK, len(corners) - first)
         for k in range(n):
             corner = corners[first + k]
             after, before = neighbors(corner, corner_vertices)
+            out.members[first + k], out.after[first + k], out.before[first + k] = corner, after, before
             _set_vector(block, _HERE + k, vector_of_row(vertices, corner_vertices[corner]))
             _set_vector(block, _AFTER + k, vector_of_row(vertices, after))
             _set_vector(block, _BEFORE + k, vector_of_row(vertices, before))
         for k in range(_BLOCK):
             here, after = _get_vector(block, _HERE + k), _get_vector(block, _AFTER + k)
             area, block[_SCALE + k], block[_COSINE + k] = _area_vector(here, after, _get_vector(block, _BEFORE + k))
-            _set_vector(block, _CROSS + k, area)
             block[_SIZE + k] = length(area)
+            _set_vector(block, _NORMAL + k, divide(area, block[_SIZE + k]))
         for k in range(_BLOCK):
             size = block[_SIZE + k]
             weight = _angle(size, block[_COSINE + k]) if weighting == _ANGLE else (size if weighting == _AREA else 1.0)
             block[_WEIGHT + k] = weight if size > _FLAT * block[_SCALE + k] else 0.0
         for k in range(n):
-            normal = divide(_get_vector(block, _CROSS + k), block[_SIZE + k])
-            measured[first + k, 0], measured[first + k, 1], measured[first + k, 2] = normal
-            measured[first + k, 3] = block[_WEIGHT + k]
+            row = first + k
+            out.measured[row, 0], out.measured[row, 1], out.measured[row, 2] = _get_vector(block, _NORMAL + k)
+            out.measured[row, 3] = block[_WEIGHT + k]
 
 
 @helper
@@ -463,71 +467,76 @@ def _set_vector(block, k, vector):
 
 
 @helper
-def _gather_fan(corner_vertices, around, first, out):
-    """Fetch the corners with an area of the fan that is listed from `first` on; return how many there are; out:
-    FanScratch."""
-    n_fan = 0
-    for slot in range(len(around)):
-        row = first + slot
-        if out.measured[row, 3] > 0.0:
-            for column in range(4):
-                out.corners[n_fan, column] = out.measured[row, column]
-            out.members[n_fan] = around[slot]
-            out.after[n_fan], out.before[n_fan] = neighbors(around[slot], corner_vertices)
-            n_fan += 1
-    return n_fan
+def _take_fan(start, stop, corners):
+    """Return those of the measured corners start..stop that have an area; they are moved to the front of these."""
+    end = start
+    for row in range(start, stop):
+        if corners.measured[row, 3] > 0.0:
+            if end < row:
+                corners.members[end] = corners.members[row]
+                corners.after[end], corners.before[end] = corners.after[row], corners.before[row]
+                for column in range(4):
+                    corners.measured[end, column] = corners.measured[row, column]
+            end += 1
+    here = slice(start, end)
+    return FanCorners(corners.measured[here], corners.members[here], corners.after[here], corners.before[here])
 
 
 @helper
-def _walk_ring(n_fan, rule, fan):
-    """Walk round the vertex, from each corner across the edge that it leaves along.
+def _find_ring(fan, rule, out_next):
+    """Find out whether a walk round the vertex, from each corner across the edge that it leaves along, leads through
+    all corners and back to the first: that says that they are wound alike, and that no edge has more than two.
 
-    Return whether that leads through all corners and back to the first, which says that they are wound alike, and that
-    no edge has more than two; and how many of the edges that were crossed are no creases. Large fans aren't tried.
-
-    fan: FanScratch.
+    Return that, and how many of the edges are no creases; out_next (n,) u32, the corner that each leads to, its own at
+    a crease, where it is a ring. Large fans aren't tried.
     """
-    here, n_joined = 0, 0
+    n_fan, n_joined, here = len(fan.members), 0, 0
     if n_fan > _MAX_RING:
         return False, n_joined
-    for step in range(n_fan):
-        far, found = fan.after[here], 0
-        while found < n_fan and fan.before[found] != far:
-            found += 1
-        if found == n_fan or (found == 0) != (step + 1 == n_fan):
+    for i in range(n_fan):
+        far, found = fan.after[i], n_fan
+        for k in range(n_fan):  # without a jump at the one that is found, which the processor couldn't foresee
+            found = k if fan.before[k] == far else found
+        if found == n_fan:
             return False, n_joined
-        is_joined = _are_joined(here, found, 1, rule, fan)
-        fan.next[here] = found if is_joined else here
+        out_next[i] = found
+    for step in range(n_fan):
+        here = np.int64(out_next[here])
+        if (here == 0) != (step + 1 == n_fan):
+            return False, n_joined
+    for i in range(n_fan):
+        is_joined = _are_joined(i, np.int64(out_next[i]), 1, rule, fan)
+        out_next[i] = out_next[i] if is_joined else i
         n_joined += is_joined
-        here = found
     return n_fan > 0, n_joined
 
 
 @helper
-def _sum_fan(n_fan, fan):
+def _sum_fan(fan):
     """Sum the weighted normals of a fan whose corners are wound alike; also return their sum's length, 0 where they
-    cancel; fan: FanScratch."""
+    cancel; fan: FanCorners."""
     x, y, z, weights = 0.0, 0.0, 0.0, 0.0
-    for i in range(n_fan):
-        weight = fan.corners[i, 3]
-        x += weight * fan.corners[i, 0]
-        y += weight * fan.corners[i, 1]
-        z += weight * fan.corners[i, 2]
+    for i in range(len(fan.members)):
+        weight = fan.measured[i, 3]
+        x += weight * fan.measured[i, 0]
+        y += weight * fan.measured[i, 1]
+        z += weight * fan.measured[i, 2]
         weights += weight
     size = length((x, y, z))
     return (x, y, z), size if size > _CANCELLED * weights else 0.0
 
 
 @helper
-def _link_fan(n_fan, is_ring, rule, fan):
-    """Unite the corners of a fan across every edge that isn't a crease; fan: FanScratch."""
+def _link_fan(fan, is_ring, rule, scratch):
+    """Unite the corners of a fan across every edge that isn't a crease; fan: FanCorners, scratch: FanScratch."""
+    n_fan = len(fan.members)
     for i in range(n_fan):
-        fan.parents[i], fan.signs[i] = i, 1
+        scratch.parents[i], scratch.signs[i] = i, 1
     if is_ring:  # the order of the links is of no consequence
         for i in range(n_fan):
-            _unite(fan.parents, fan.signs, i, fan.next[i], 1)
+            _unite(scratch.parents, scratch.signs, i, scratch.next[i], 1)
         return
-    keys = fan.keys[: 2 * n_fan]
+    keys = scratch.keys[: 2 * n_fan]
     for i in range(n_fan):
         keys[2 * i] = np.int64(fan.after[i]) << 32 | i << 1 | 1
         keys[2 * i + 1] = np.int64(fan.before[i]) << 32 | i << 1
@@ -545,17 +554,17 @@ def _link_fan(n_fan, is_ring, rule, fan):
             j = (keys[b] & 0xFFFFFFFF) >> 1
             sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
             if _are_joined(i, j, sign, rule, fan):
-                _unite(fan.parents, fan.signs, i, j, sign)
+                _unite(scratch.parents, scratch.signs, i, j, sign)
 
 
 @helper
 def _are_joined(i, j, sign, rule, fan):
     """Tell whether the edge between two corners of a fan is no crease; `sign` is 1 where they are wound alike, else -1;
-    fan: FanScratch."""
+    fan: FanCorners."""
     if len(rule.smoothing) > 0:
         group = rule.smoothing[fan.members[i] // 3]
         return group != 0 and group == rule.smoothing[fan.members[j] // 3]
-    cosine = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j))
+    cosine = sign * dot(vector_of_row(fan.measured, i), vector_of_row(fan.measured, j))
     return is_smooth(cosine, rule.smooth_cosine)
 
 
@@ -605,36 +614,36 @@ def _unite(parents, signs, i, j, sign):
 
 
 @helper
-def _sum_groups(n_fan, fan):
+def _sum_groups(fan, scratch):
     """Sum each group's weighted normals, turned to its root's side, and its weights; clear its split vertices. Every
-    corner's parent is its root then; fan: FanScratch."""
-    corners, sums = fan.corners, fan.sums
-    for i in range(n_fan):
-        fan.split_of[i, 0], fan.split_of[i, 1] = -1, -1
+    corner's parent is its root then; fan: FanCorners, scratch: FanScratch."""
+    measured, sums = fan.measured, scratch.sums
+    for i in range(len(measured)):
+        scratch.split_of[i, 0], scratch.split_of[i, 1] = -1, -1
         for column in range(4):
             sums[i, column] = 0.0
-    for i in range(n_fan):
-        root, sign = _find(fan.parents, fan.signs, i)
-        fan.parents[i], fan.signs[i] = root, sign
+    for i in range(len(measured)):
+        root, sign = _find(scratch.parents, scratch.signs, i)
+        scratch.parents[i], scratch.signs[i] = root, sign
         for axis in range(3):
-            sums[root, axis] += sign * corners[i, 3] * corners[i, axis]
-        sums[root, 3] += corners[i, 3]
+            sums[root, axis] += sign * measured[i, 3] * measured[i, axis]
+        sums[root, 3] += measured[i, 3]
 
 
 @helper
-def _write_groups(n_fan, n_split, fan, out_normals, out_columns):
+def _write_groups(fan, n_split, scratch, out_normals, out_columns):
     """Write a split vertex for each side of a group, or for each corner where the group's normals cancel; return how
-    many there are then; fan: FanScratch."""
-    sums, split_of = fan.sums, fan.split_of
-    for i in range(n_fan):
-        root, sign = fan.parents[i], fan.signs[i]
+    many there are then; fan: FanCorners, scratch: FanScratch."""
+    sums, split_of = scratch.sums, scratch.split_of
+    for i in range(len(fan.members)):
+        root, sign = scratch.parents[i], scratch.signs[i]
         size = length(vector_of_row(sums, root))
         has_average = size > _CANCELLED * sums[root, 3]
         side = (sign + 1) >> 1
         if not has_average or split_of[root, side] < 0:
             split_of[root, side] = n_split
             for axis in range(3):
-                out_normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan.corners[i, axis]
+                out_normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan.measured[i, axis]
             n_split += 1
         _set_corner(out_columns, fan.members[i], split_of[root, side])
     return n_split

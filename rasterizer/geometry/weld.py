@@ -17,6 +17,7 @@ from ..cores import Workers, n_core
 
 FEW = 1 << 14  # rows that are sorted
 BLOCK = 1 << 16  # rows
+SOME = 1 << 9  # rows of a block, by which it is known whether many are repeated near each other
 
 
 def weld(part: dict) -> dict:
@@ -68,15 +69,24 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
     faces, alone = np.empty((n_face, 3), np.uint32), Workers(1)
 
     def join_near(block: tuple[int, int]) -> NDArray:
-        rows = _unsigned(read(*block).reshape(-1, 3))
-        first, _ = find_equal_rows(rows, alone, faces[slice(*block)].reshape(-1))
+        rows, of_block = _unsigned(read(*block).reshape(-1, 3)), faces[slice(*block)].reshape(-1)
+        some, _ = find_equal_rows(rows[:SOME], alone)
+        if len(some) == len(rows[:SOME]):
+            of_block[:] = np.arange(len(rows))
+            return rows
+        first, _ = find_equal_rows(rows, alone, of_block)
         return rows.take(first, axis=0)
 
     with Workers(n_core()) as workers:
         distinct = workers.map(join_near, blocks)
         offsets = np.cumsum([0, *map(len, distinct)])
-        joined = np.concatenate(distinct)
-        del distinct
+        # Where blocks have no equal corners, there are most often none at all: then these are the vertices already.
+        joined = np.empty((offsets[-1], 3), np.float64 if offsets[-1] == 3 * n_face else distinct[0].dtype)
+
+        def place(k: int) -> None:
+            joined[offsets[k] : offsets[k + 1]], distinct[k] = distinct[k], None
+
+        workers.map(place, range(len(blocks)))
         first, numbers = find_equal_rows(joined, workers)
 
         def renumber(k: int) -> None:
@@ -84,12 +94,14 @@ def weld_triangles(read: Callable[[int, int], NDArray], n_face: int) -> tuple[ND
             np.take(numbers[offsets[k] : offsets[k + 1]], of_block, out=of_block, mode="clip")
 
         workers.map(renumber, range(len(blocks)))
+        if len(first) == len(joined) and joined.dtype == np.float64:
+            return joined, faces
         vertices = np.empty((len(first), 3))
 
-        def place(part: tuple[int, int]) -> None:
+        def gather(part: tuple[int, int]) -> None:
             vertices[slice(*part)] = joined.take(first[slice(*part)], axis=0)
 
-        workers.map(place, workers.ranges(len(first)))
+        workers.map(gather, workers.ranges(len(first)))
     return vertices, faces
 
 
