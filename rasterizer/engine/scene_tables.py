@@ -103,7 +103,7 @@ class SceneTables:
 
     def _read_surfaces(self) -> None:
         """Find out what materials need, how large meshes are, and what colours textures and meshes bring."""
-        n_material, products, boxes, largest = len(self.materials), self.products, [], 1.0
+        n_material, products, largest = len(self.materials), self.products, 1.0
         self.is_opaque, self.has_cut_outs, self.max_texel, self.n_texcoord = True, False, 1.0, 2
         self.has_texture, self.has_vertex_colors, self.has_hues, is_reflecting = np.zeros((4, n_material), np.bool_)
         for k, material in enumerate(self.materials):
@@ -117,18 +117,19 @@ class SceneTables:
         self.is_lit = np.repeat(is_reflecting[:, None], len(self.lights), axis=1)
         if products is not None:
             self.is_lit = products.diffuse.any(axis=2) | products.specular.any(axis=2) | products.grazing.any(axis=2)
+        self.bounds = np.stack([mesh.bounds for mesh in self.meshes])
         self.material_boxes = np.tile([[np.inf], [-np.inf]], (n_material, 1, 3))
-        low, high = self.material_boxes[:, 0], self.material_boxes[:, 1]
+        numbers, boxes = np.concatenate(self.palettes), np.repeat(self.bounds, [*map(len, self.palettes)], axis=0)
+        np.minimum.at(self.material_boxes[:, 0], numbers, boxes[:, 0])
+        np.maximum.at(self.material_boxes[:, 1], numbers, boxes[:, 1])
         for mesh, numbers in zip(self.meshes, self.palettes, strict=True):
-            boxes.append(box := mesh.bounds)
-            low[numbers], high[numbers] = np.minimum(low[numbers], box[0]), np.maximum(high[numbers], box[1])
             given = mesh.face_colors if mesh.colors is None else mesh.colors
             if given is not None:
                 colors = given[..., :3].reshape(-1, 3)
                 largest = max(largest, float(colors.max(initial=0.0)))
                 self.has_vertex_colors[numbers] = True
                 self.has_hues[numbers] |= bool((colors[:, 1:] != colors[:, :1]).any())
-        self.bounds, self.max_albedo = np.stack(boxes), largest * self.max_texel
+        self.max_albedo = largest * self.max_texel
 
     def tint_of(self, k: int) -> NDArray[np.float64] | None:
         """The RGB triple, its largest component 1, of which all intensities of material k are multiples; None if there

@@ -399,12 +399,12 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
     if model.format != "obj":  # MTL warns of each such material
         if not any(material.is_visible for part, _ in placed for material in materials_of(part)):
             model.warn("all its materials are invisible: their opacity is 0, or below the cutoff")
-    made, meshes = {}, []
+    made, meshes, unmoved = {}, [], np.eye(4)
     for part, matrix in placed:
         if id(part) not in made:
             made[id(part)] = _make_mesh(model, part, settings)
         mesh = made[id(part)]
-        if matrix is not None and not np.array_equal(matrix, np.eye(4)):
+        if matrix is not None and not np.array_equal(matrix, unmoved):
             model.limits.count_bytes(bytes_of_copy(mesh))
             try:
                 mesh = mesh.transformed(matrix)

@@ -32,7 +32,7 @@ def plain_array(values: ArrayLike) -> NDArray:
     SceneError : an array of another library that numpy can't read: one on a GPU, one that needs its gradient
     """
     # `np.ma` would say so, but takes as long to import as a small model.
-    if isinstance(values, np.ndarray) and np.any(getattr(values, "mask", False)):
+    if isinstance(values, np.ndarray) and hasattr(values, "mask") and np.any(values.mask):
         raise ValueError("masked values are no numbers")
     if isinstance(values, np.ndarray) or not (hasattr(values, "__array__") or hasattr(values, "__dlpack__")):
         array = np.asarray(values)

@@ -289,13 +289,14 @@ class Mesh(KeepsArrays):
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
-        # NumPy is slow down three columns: most rows are taken for those of a table with many.
-        points = self.used_vertices
+        low = high = points = self.used_vertices
         n_row = len(points) // _SIDE_BY_SIDE
-        rows, rest = points[: n_row * _SIDE_BY_SIDE].reshape(n_row, 3 * _SIDE_BY_SIDE), points[n_row * _SIDE_BY_SIDE :]
-        low = np.concatenate([rows.min(axis=0, initial=np.inf).reshape(-1, 3), rest]).min(axis=0)
-        high = np.concatenate([rows.max(axis=0, initial=-np.inf).reshape(-1, 3), rest]).max(axis=0)
-        return fixed(np.array([low, high]))
+        if n_row > 1:  # NumPy is slow down three columns: most vertices are taken for the rows of a wider table
+            end = n_row * _SIDE_BY_SIDE
+            rows, rest = points[:end].reshape(n_row, 3 * _SIDE_BY_SIDE), points[end:]
+            low = np.concatenate([rows.min(axis=0).reshape(-1, 3), rest])
+            high = np.concatenate([rows.max(axis=0).reshape(-1, 3), rest])
+        return fixed(np.array([low.min(axis=0), high.max(axis=0)]))
 
     def transformed(self, matrix: ArrayLike) -> "Mesh":
         """Return a copy that is moved by an affine matrix.
