@@ -340,13 +340,14 @@ class Renderer:
             milliseconds=clock.milliseconds,
             plan=self.plan,
         )
-        # What a frame picks with draws the surfaces that it shows, and no colours.
-        kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
-        shown_as = kept | {"outputs": "face", "samples": 1, "threads": 1}
-        make_renderer = cache(partial(Renderer, self.scene, options.size, **shown_as))
+
+        @cache
+        def make_picker() -> Renderer:  # what a frame picks with draws the surfaces that it shows, and no colours
+            kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
+            return Renderer(self.scene, options.size, **kept, outputs="face", samples=1, threads=1)
 
         def draw_pick(x: int, y: int) -> Pick | None:
-            return make_renderer().pick(x, y, camera)
+            return make_picker().pick(x, y, camera)
 
         rgba = None if picture is None else picture.rgba
         return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, options, draw_pick))

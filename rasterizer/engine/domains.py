@@ -64,7 +64,8 @@ ROUNDED = 6e-7  # how far float64 may be off before it becomes float32, where EX
 MAX_LIGHT = 1024.0  # and the brightest that light may be without highlights
 MAX_DEPTHS = 2.0**22  # furthest over nearest depth that float32 takes
 MAX_FADING = 1.0 / 4.0  # share of the tolerance that a depth cue may be off by
-SHARES = 1 / 8, 1 / 4, 1 / 2  # of the tolerance, which rounding may take; planes and packed samples have the rest
+SHARES = np.array([1 / 8, 1 / 4, 1 / 2])  # of the tolerance, that rounding may take; packed samples have the rest
+SHARES_OR_NONE = np.append(SHARES, np.inf)
 NEAREST = 2.0**-10  # a light nearer to a surface than this share of the distance from the eye counts as on it
 SHORT_NORMAL = 1 / 8  # an interpolated normal that is shorter counts as none
 TEXEL_BORDER = 2.0**-18  # texels: a 2^-32nd of the largest picture, what texture coordinates are rounded to
@@ -198,8 +199,9 @@ def smoothness_error(material: Any) -> float:
 def share_of_tolerance(roundings: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
     """Return the share of the tolerance that rounding takes of each material in float32, (n_material,), one of SHARES;
     infinite where that is more: these are lit in float64."""
-    part, limits = roundings * SINGLE, tolerance * np.array(SHARES)
-    return np.append(SHARES, np.inf)[np.searchsorted(limits, part)] if tolerance > 0.0 else np.full(part.shape, np.inf)
+    if tolerance == 0.0:
+        return np.full(roundings.shape, np.inf)
+    return SHARES_OR_NONE[np.searchsorted(tolerance * SHARES, roundings * SINGLE)]
 
 
 def reasons_of(tables: SceneTables, k: int, tolerance: float, share: float, bound: float) -> tuple[str, ...]:
@@ -232,15 +234,18 @@ class Reach(NamedTuple):
 
 def measure_reach(plan: Any, view: View, screen: Screen) -> Reach:
     """Measure how far surfaces lie from the eye and the lights."""
-    tables, clearances = plan.tables, plan.clearances.copy()
-    furthest = np.linalg.norm(np.abs(tables.material_boxes - view.eye).max(axis=1), axis=1)
-    for i, light in enumerate(tables.lights):
-        if hasattr(light, "position") and light_table.is_carried(light):
-            clearances[:, i] = distances_of(tables.material_boxes, light_table.world_position(light, view))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        nearness = np.fmin(furthest[:, None] / clearances, 1.0 / NEAREST)
-    roundings = plan.intensities.roundings + _times(plan.intensities.by_nearness, nearness).sum(axis=1)
-    depths = 1.0
+    tables, clearances, depths = plan.tables, plan.clearances, 1.0
+    away = np.abs(tables.material_boxes - view.eye).max(axis=1)
+    furthest, nearness = np.sqrt((away * away).sum(axis=1)), np.zeros(clearances.shape)
+    roundings = plan.intensities.roundings
+    if np.isfinite(clearances).any():  # else all light is parallel
+        clearances = clearances.copy()
+        for i, light in enumerate(tables.lights):
+            if hasattr(light, "position") and light_table.is_carried(light):
+                clearances[:, i] = distances_of(tables.material_boxes, light_table.world_position(light, view))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            nearness = np.fmin(furthest[:, None] / clearances, 1.0 / NEAREST)
+        roundings = roundings + _times(plan.intensities.by_nearness, nearness).sum(axis=1)
     if screen.z_scale != 0.0 and screen.is_perspective:
         most = min(float(furthest.max()), screen.far)
         depths = max(1.0, most * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
@@ -260,7 +265,9 @@ def is_far(plan: Any, reach: Reach, screen: Screen) -> bool:
             n_step = 0.5 * plan.options.factor * sum(plan.options.size)
             fading = (n_step + DEPTH_PLANE_ROUNDING) / abs(screen.z_scale) / cue.scale
         is_fading = not fading * (plan.bound + float(cue.color.max())) <= MAX_FADING * plan.options.tolerance
-    lengths = np.concatenate([furthest, (furthest[:, None] / np.where(nearness > 0.0, nearness, 1.0))[nearness > 0.0]])
+    lengths, is_some = furthest, nearness > 0.0
+    if is_some.any():
+        lengths = np.append(furthest, (furthest[:, None] / np.where(is_some, nearness, 1.0))[is_some])
     is_long = not (LENGTHS[0] <= lengths.min() and lengths.max() <= LENGTHS[1])
     return is_long or is_fading or reach.depths > MAX_DEPTHS
 
@@ -281,12 +288,9 @@ def state(plan: Any, reach: Reach) -> tuple[float | None, list[Step]]:
         steps.append(Step("a light on a surface", NEAREST * float(furthest[is_near].max()), "scene units"))
     is_rounded = plan.metals is not None or not is_double.all()
     stated, why = max(of_float64, plan.options.tolerance if is_rounded else 0.0), []
-    with np.errstate(invalid="ignore"):  # depths err by 2^-51 q of themselves, where else 20 roundings are counted
-        off = roundings * DOUBLE * (1.0 + depths / 5.0) / np.maximum(plan.intensities.of_materials, 1.0)
-    lit = plan.intensities.undirected + plan.intensities.diffuse.sum(axis=1)
     if plan.metals is not None and max(map(smoothness_error, tables.materials)) > stated:
         why.append("a texture makes a metal so smooth that its rounding is magnified")
-    elif (is_double & ~((off <= ROUNDED) & (lit <= MAX_LIGHT))).any():
+    elif is_double.any() and not _rounds_little(plan, roundings, depths)[is_double].all():
         own = [type(each).__name__ for each in tables.reflected_lights if light_table.entry_of(each).is_own]
         own += [each.reflection for each, model in zip(tables.materials, tables.models, strict=True) if model.is_own]
         why += [f"nobody knows how the formula of {name} rounds" for name in dict.fromkeys(own)]
@@ -296,6 +300,14 @@ def state(plan: Any, reach: Reach) -> tuple[float | None, list[Step]]:
     for reason in why:
         steps.append(Step(f"no bound is stated: {reason}", np.inf, "everywhere"))
     return None if why else stated, steps
+
+
+def _rounds_little(plan: Any, roundings: NDArray[np.float64], depths: float) -> NDArray[np.bool_]:
+    """Tell of which materials (n_material,) float64 is off by no more than is stated; parameters as in `Reach`."""
+    with np.errstate(invalid="ignore"):  # depths err by 2^-51 q of themselves, where else 20 roundings are counted
+        off = roundings * DOUBLE * (1.0 + depths / 5.0) / np.maximum(plan.intensities.of_materials, 1.0)
+    lit = plan.intensities.undirected + plan.intensities.diffuse.sum(axis=1)
+    return (off <= ROUNDED) & (lit <= MAX_LIGHT)
 
 
 def list_steps(plan: Any) -> tuple[Step, ...]:

@@ -122,8 +122,8 @@ def make_plan(
     n_channel = 3 if is_colored.any() else 1
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
     needs_position, has_tangents, textures, metals = tables.has_shadows, False, None, None
-    for row, is_lit in zip(tables.light_types, tables.is_lit.any(axis=0), strict=True):
-        needs_position |= bool(row.needs_position and is_lit)
+    for i in tables.lit_by:
+        needs_position |= tables.light_types[i].needs_position
     for material in materials:
         has_tangents |= material.is_anisotropic and material.tangent == "u"
     # Of buffers alone nobody sees colours.

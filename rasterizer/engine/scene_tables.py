@@ -50,7 +50,8 @@ class SceneTables:
     ambient : (3,) float64, the sum of the ambient lights
     products : those of colours, in which the exposure is included; None where it is done later: see `multiply_colors`
     is_lit : (n_material, n_light) bool: the material reflects something of the light
-    reflected_lights : the lights that some material reflects something of
+    lit_by : numbers of the lights that some material reflects something of
+    reflected_lights : these lights
     has_shadows : some of these cast shadows
     is_opaque : nothing shows through anything
     has_cut_outs : some material has an `alpha_cutoff`
@@ -98,7 +99,8 @@ class SceneTables:
         for light in ambient_lights:
             self.ambient = self.ambient + np.array(light.color)
         self._read_surfaces()
-        self.reflected_lights = tuple(compress(self.lights, self.is_lit.any(axis=0)))
+        self.lit_by = np.flatnonzero(self.is_lit.any(axis=0)).tolist()
+        self.reflected_lights = tuple(self.lights[i] for i in self.lit_by)
         self.has_shadows = any(map(light_table.shadow_of, self.reflected_lights))
 
     def _read_surfaces(self) -> None:

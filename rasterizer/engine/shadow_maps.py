@@ -168,8 +168,8 @@ class Shadows:
 
     def _list_lights(self) -> list[int]:
         """List the lights that cast shadows, and that some material reflects."""
-        lights = self._plan.tables.lights
-        return [k for k in np.flatnonzero(self._plan.tables.is_lit.any(axis=0)) if shadow_of(lights[k]) is not None]
+        tables = self._plan.tables
+        return [k for k in tables.lit_by if shadow_of(tables.lights[k]) is not None]
 
     def is_far(self, view: View, seen: Seen = NO_PARTS) -> bool:
         """Tell whether float32 moves any point that shadows are asked for too far in one view."""

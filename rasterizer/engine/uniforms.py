@@ -78,7 +78,7 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
     """
     tables, dtype = plan.tables, lighting.materials.dtype
     lights = np.zeros(lighting.lights.shape)
-    for i in np.flatnonzero(tables.is_lit.any(axis=0)):
+    for i in tables.lit_by:
         tables.light_types[i].write(lights[i], tables.lights[i], view, dtype)
     maps = None
     if tables.has_shadows:
@@ -127,7 +127,7 @@ def color_lights(plan: Plan) -> NDArray[np.float64]:
         terms = [products.diffuse, products.specular, products.grazing, products.metal]
     else:
         colors = np.zeros((1, len(tables.lights), 3))
-        for i in np.flatnonzero(tables.is_lit.any(axis=0)):
+        for i in tables.lit_by:
             colors[0, i] = tables.lights[i].color
         if max(tables.n_terms) <= 2 and (colors == colors.max(axis=2, keepdims=True)).all():
             return np.tile(colors, (1, 1, 4))

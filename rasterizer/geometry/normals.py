@@ -100,9 +100,11 @@ class FanCorners(NamedTuple):
 
 
 class FanScratch(NamedTuple):
-    """What is known of a fan while it is worked on: an entry for each of its corners."""
+    """What is known of some fans that are measured together; and of one while it is worked on, an entry for each of its
+    corners."""
 
     block: NDArray[np.float64]  # see _BLOCK
+    corners: FanCorners  # room for max(_BLOCK, valence)
     next: NDArray[np.uint32]  # (valence,) in a ring, the corner across the edge to `after`; its own at a crease
     keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
     parents: NDArray[np.uint32]  # (valence,) the groups: see _find
@@ -214,10 +216,10 @@ def split_creases(
         n, n_measured, start = fans.valence, max(_BLOCK, fans.valence), fans.first[part[0]]
         corners = FanCorners(np.empty((n_measured, 4)), *np.empty((3, n_measured), np.uint32))
         scratch = FanScratch(
-            np.zeros(16 * _BLOCK), np.empty(n, np.uint32), np.empty(2 * n, np.int64), np.empty(n, np.uint32),
+            np.zeros(16 * _BLOCK), corners, np.empty(n, np.uint32), np.empty(2 * n, np.int64), np.empty(n, np.uint32),
             np.empty(n, np.int64), np.empty((n, 4)), np.empty((n, 2), np.int64),
         )  # fmt: skip
-        return split_fans(vertices, fans, rule, corners, scratch, part, columns, source[start:], normals[start:])
+        return split_fans(vertices, fans, rule, scratch, part, columns, source[start:], normals[start:])
 
     parts, n_split, n_before = workers.ranges(len(vertices), _PART), 0, np.zeros(len(vertices), np.uint32)
     for part, n in zip(parts, workers.map(split_part, parts), strict=True):
@@ -368,16 +370,16 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def split_fans(vertices, fans, rule, corners, scratch, part, out_columns, out_source, out_normals):
+def split_fans(vertices, fans, rule, scratch, part, out_columns, out_source, out_normals):
     """Join the corners of each fan into groups, and write split vertices for each; return how many.
 
     Those of the fans of a part of the vertices, (start, end). No corner has more than one.
 
-    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; corners: FanCorners, room for a block and for the largest
-    fan; scratch: FanScratch; out_columns (3, n_face) u32, the split vertex of each corner, numbered from 0; out_source
-    (n,) u32, the vertex that each was split from, and out_normals (n, 3) f64, unit length or zero.
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; out_columns (3, n_face) u32, the
+    split vertex of each corner, numbered from 0; out_source (n,) u32, the vertex that each was split from, and
+    out_normals (n, 3) f64, unit length or zero.
     """
-    n_split, end = 0, part[0]
+    n_split, end, corners = 0, part[0], scratch.corners
     while end < part[1]:
         # Measure one fan, and more up to _BLOCK corners.
         begin, end = end, end + 1

@@ -30,7 +30,7 @@ from ..vectors import cross
 from . import framing
 from .arrays import VectorLike, real_array
 from .random_numbers import VIEW, checked_range, elevation_at, uniform_numbers, within
-from .validate import choice, items_of, number, picture_size, position3, store, unit3, value_class
+from .validate import at_unit_length, choice, items_of, number, picture_size, position3, store, unit3, value_class
 
 _MAX_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
 
@@ -526,12 +526,12 @@ class Camera:
 
     def view(self) -> View:
         """Return the eye and the camera's axes: View, of (3,) float64 each, world space."""
-        to_target = np.subtract(self.target, self.position)
-        forward = unit3(to_target, "the way from the camera's position to its target")
+        (x, y, z), (to_x, to_y, to_z) = self.position, self.target
+        forward = at_unit_length((to_x - x, to_y - y, to_z - z), "the way from the camera's position to its target")
         up: VectorLike = self.up
         if math.hypot(*cross(forward, up)) < 1e-8:  # parallel but for rounding
             up = framing.top_when_parallel(np.array(forward), np.array(up))
-        right = unit3(cross(forward, up), "the camera's right")
+        right = at_unit_length(cross(forward, up), "the camera's right")
         return View(*np.array((self.position, right, cross(right, forward), forward)))
 
     def projection(self, size: Sequence[int]) -> Projection:

@@ -125,13 +125,18 @@ def position3(value: object, what: str) -> tuple[float, float, float]:
 
 def unit3(value: object, what: str) -> tuple[float, float, float]:
     """Return `value` as a unit 3-vector, itself where it is one; SceneError where it has no length or isn't finite."""
-    x, y, z = vector3(value, what)
+    return at_unit_length(vector3(value, what), what)
+
+
+def at_unit_length(vector: tuple[float, float, float], what: str) -> tuple[float, float, float]:
+    """Return what `unit3` does of three finite floats."""
+    x, y, z = vector
     if abs(x * x + y * y + z * z - 1.0) <= UNIT_SLACK:
         return x, y, z
     # dividing by the largest component first keeps the squares from over- and underflowing
     largest = max(abs(x), abs(y), abs(z))
     if largest == 0.0:
-        raise SceneError(f"{what} must have a length; given {shown(value)}")
+        raise SceneError(f"{what} must have a length; given {shown(vector)}")
     x, y, z = x / largest, y / largest, z / largest
     length = math.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length
