@@ -120,7 +120,7 @@ TOLD = (
     "grey encoding",
     "lights that don't arrive",
 )  # fmt: skip
-TOLD_SCENES = "scan,dense,textured,room,quads"
+TOLD_SCENES = "scan,dense,confetti,textured,room,quads"
 SIZE = (1920, 1080)
 # Settings in which people draw such a thing; a scan takes the place of "".
 WORKS = {

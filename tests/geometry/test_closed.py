@@ -51,6 +51,14 @@ def test_what_has_no_volume_has_no_inside():
         assert set(sides_of(folded, np.concatenate([fan, np.where(fan == 0, 12, fan)[:, ::-1]]))) == {0}
 
 
+def test_triangles_that_share_nothing_enclose_nothing():
+    vertices, faces = cube()
+    loose, alone = vertices[faces].reshape(-1, 3), np.arange(36, dtype=np.uint32).reshape(-1, 3)
+    for is_welded in (False, True):  # known to be: then no two of them stand at one position, whatever these do
+        found = find_inner_sides(loose, alone, list_fans(alone, 36), is_welded).tolist()
+        assert found == [0 if is_welded else 1] * 12
+
+
 def test_transparent_meshes_have_no_inner_sides():
     glass, vertices, faces = rz.Material(opacity=0.5), *cube()
     meshes = [rz.Mesh(vertices, faces), rz.Mesh(vertices, faces, material=glass)]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rasterizer.engine.points import smooth_part
 from rasterizer.errors import ModelError
-from rasterizer.geometry.weld import unique_rows
+from rasterizer.geometry.weld import unique_rows, weld_triangles
 from rasterizer.io.loader import load
 
 
@@ -42,6 +42,38 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
         assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
         assert not differences(case[first][inverse], case)
         assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("shared", ["nothing", "far away", "late in a block", "in one block", "near", "all"])
+def test_triangles_are_joined_wherever_they_share_corners(shared, dtype):
+    """Blocks have 2^16 corners; what the first of a block share decides how it is looked through, and no more."""
+    n, random = 60_001, np.random.default_rng(7)
+    corners = random.normal(size=(n, 3, 3)).astype(dtype)
+    corners[5, 1], corners[n - 1, 2] = (0.0, 1.0, -0.0), (-0.0, 1.0, 0.0)
+    if shared == "far away":
+        corners[n // 2 :] = corners[random.permutation(n)[: n - n // 2]]
+    elif shared == "late in a block":
+        corners[20_000:21_000] = corners[19_000:20_000, ::-1]
+    elif shared == "in one block":
+        corners[50_000:50_900, 0] = corners[50_000, 0]
+    elif shared == "near":
+        corners[1:, 0] = corners[:-1, 2]
+    elif shared == "all":
+        corners[:] = corners[0]
+    called = []
+
+    def read(begin, end):
+        called.append((begin, end))
+        return corners[begin:end]
+
+    vertices, faces = weld_triangles(read, n)
+    rows = corners.reshape(-1, 3).astype(float) + 0.0
+    assert vertices[faces].reshape(-1, 3).tobytes() == rows.tobytes()
+    assert len(vertices) == len({row.tobytes() for row in rows})
+    _, first_uses = np.unique(faces, return_index=True)
+    assert (np.diff(first_uses) > 0).all(), "vertices stand in the order of their first use"
+    assert sum(end - begin for begin, end in called) == n, "each triangle is read once"
 
 
 # --- a roof of two triangles that meet at 20 degrees, whose ridge is there twice ---

@@ -202,6 +202,22 @@ def test_faces_with_bad_coordinates_are_refused_or_dropped(bad):
     assert not differences(vertices[3, 1], bad, equal_nan=True)  # the caller's array is as it was
 
 
+@pytest.mark.parametrize("n", [1, 85, 86, 170, 171, 400, 1000])
+def test_the_box_holds_every_vertex_that_is_used(n):
+    """Of few and of many vertices, whichever of them is the furthest."""
+    random = np.random.default_rng(n)
+    for _ in range(12):
+        vertices = random.normal(size=(3 * n + 2, 3))
+        vertices[-2:] *= 100.0  # unused
+        furthest = random.integers(0, 3 * n, 2)
+        vertices[furthest[0]] -= 9.0
+        vertices[furthest[1]] += 9.0
+        used = vertices[: 3 * n]
+        assert Mesh(vertices, np.arange(3 * n).reshape(-1, 3)).bounds.tolist() == [
+            [used[:, axis].min() for axis in range(3)], [used[:, axis].max() for axis in range(3)],
+        ]  # fmt: skip
+
+
 def test_dropping_goes_by_polygons_and_mends_normals():
     vertices = PRISM_VERTICES.copy()
     vertices[5] = math.nan
