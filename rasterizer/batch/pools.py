@@ -167,7 +167,6 @@ class Pool:
 
     is_here = False  # whether it sees the files that this process sees
     is_warm = True  # whether kernels are stored, so that not every process compiles them
-    _ahead = 2  # jobs for each process: one that it works on, and one that it finds there when it is done
 
     def __init__(self, executor: Any, n_process: int | None = None) -> None:
         self.executor = executor
@@ -177,8 +176,9 @@ class Pool:
 
     @property
     def n_slot(self) -> int:
-        """How many jobs it should have at a time."""
-        return self._ahead * self._n_process
+        """How many jobs it should have at a time: for each process one that it works on, and one that it finds there
+        when it is done."""
+        return 2 * self._n_process
 
     @property
     def n_running(self) -> int:
@@ -241,7 +241,7 @@ class LocalPool(Pool):
     processors, and those that come after it find that in the store.
     """
 
-    is_here, _ahead = True, 1
+    is_here = True
 
     def __init__(self, n_process: int | None = None) -> None:
         super().__init__(None, n_process)
