@@ -7,6 +7,7 @@ Whole-array checks are minima and maxima, which hand a nan on and need no tempor
 there is one.
 """
 
+import math
 from itertools import chain
 from typing import Any
 
@@ -179,8 +180,14 @@ def has_area(vertices: NDArray, faces: NDArray) -> NDArray[np.bool_]:
 def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
     """Tell whether a triangle has an area, as `has_area` does; the first chunk with one ends the search.
 
-    That is the first triangle of nearly every mesh, so the first chunk is a small one.
+    That is the first triangle of nearly every mesh. It is told in plain numbers where its sides are far from parallel,
+    sin² > 1e-6, and no product of theirs leaves float64.
     """
+    for a, b, c in vertices[faces[:1]].tolist():
+        u, v = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
+        normal, squares = cross(u, v), (dot(u, u), dot(v, v))
+        if 1e-100 < min(squares) and max(squares) < 1e100 and dot(normal, normal) > 1e-6 * math.prod(squares):
+            return True
     begin, size = 0, _FIRST_CHUNK
     while begin < len(faces):
         if has_area(vertices, faces[begin : begin + size]).any():

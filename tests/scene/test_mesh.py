@@ -18,7 +18,7 @@ from rasterizer.errors import ModelError, SceneError
 from rasterizer.reference.normals import corner_normals
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.mesh_arrays import has_area
+from rasterizer.scene.mesh_arrays import has_any_area, has_area
 
 TRIANGLE = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0)])
 SQUARE = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
@@ -315,6 +315,22 @@ def test_illegal_moves_are_refused():
 def test_a_small_face_beside_a_huge_one_without_area_counts():
     vertices = np.array([(0, 0, 0), (1e-170, 0, 0), (0, 1e-170, 0), (1e99, 0, 0), (-1e99, 0, 0)])
     assert has_area(vertices, np.array([(0, 1, 2), (0, 3, 4)])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
+def test_a_mesh_has_an_area_where_one_of_its_faces_has(dtype):
+    """Whichever face that is, and whatever numbers its corners have."""
+    numbers = [0, 1, -1, 3, 1e-30, 1e-170, 1e19, 1e160, 1e307, np.nan, np.inf, 1 + 2.0**-20, 1 + 2.0**-50]
+    random, n_found = np.random.default_rng(5), 0
+    for _ in range(3000):
+        with np.errstate(all="ignore"):
+            some = np.array(numbers[:4] if dtype == np.int64 else numbers, dtype)
+        vertices = random.choice(some[: random.integers(2, len(some) + 1)], (9, 3))
+        faces = random.integers(0, 9, (random.integers(1, 4), 3))
+        expected = has_area(vertices, faces).any()
+        n_found += expected
+        assert has_any_area(vertices, faces) == expected, vertices[faces].tolist()
+    assert 600 < n_found < 2900
 
 
 # ── normals without a length ───────────────────────────────────────────────────────────────────────────
