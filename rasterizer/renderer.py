@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -340,14 +340,13 @@ class Renderer:
             milliseconds=clock.milliseconds,
             plan=self.plan,
         )
-
-        @cache
-        def make_picker() -> Renderer:  # what a frame picks with draws the surfaces that it shows, and no colours
-            kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
-            return Renderer(self.scene, options.size, **kept, outputs="face", samples=1, threads=1)
+        pickers: list[Renderer] = []
 
         def draw_pick(x: int, y: int) -> Pick | None:
-            return make_picker().pick(x, y, camera)
+            if not pickers:  # what a frame picks with draws the surfaces that it shows, and no colours
+                kept = {name: getattr(options, name) for name in ("shading", "cull", "min_opacity")}
+                pickers.append(Renderer(self.scene, options.size, **kept, outputs="face", samples=1, threads=1))
+            return pickers[0].pick(x, y, camera)
 
         rgba = None if picture is None else picture.rgba
         return Frame(rgba, arrays, stats, options.size, FrameSource(self.scene, camera, options, draw_pick))

@@ -123,7 +123,7 @@ def make_plan(
     max_level = bound * (1.0 + options.tolerance) + options.tolerance  # rounding may add half of the tolerance
     needs_position, has_tangents, textures, metals = tables.has_shadows, False, None, None
     for i in tables.lit_by:
-        needs_position |= tables.light_types[i].needs_position
+        needs_position |= bool(tables.light_types[i].needs_position)
     for material in materials:
         has_tangents |= material.is_anisotropic and material.tangent == "u"
     # Of buffers alone nobody sees colours.

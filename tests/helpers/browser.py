@@ -105,7 +105,7 @@ def screen_pixels(locator) -> np.ndarray:
 
 # Whoever asks a notebook to run that has no kernel yet is asked for one.
 RUN_CELLS = """async () => {
-  const session = jupyterapp.shell.currentWidget.sessionContext;
+  const session = [...jupyterapp.shell.widgets("main")].find(widget => widget.sessionContext).sessionContext;
   await session.ready;
   await session.session.kernel.info;
   jupyterapp.commands.execute("notebook:run-all-cells");

@@ -102,9 +102,7 @@ def test_a_click_picks_and_a_wheel_scrolls_until_then(page):
 
 def test_a_dark_theme_has_a_dark_picture(page):
     before = canvas_pixels(page)
-    page.locator(".lm-MenuBar-itemLabel", has_text="Settings").click()
-    for label in ("Theme", "JupyterLab Dark"):
-        page.locator(".lm-Menu-itemLabel").get_by_text(label, exact=True).click()
+    page.evaluate("() => jupyterapp.commands.execute('apputils:change-theme', {theme: 'JupyterLab Dark'})")
     page.wait_for_selector("body[data-jp-theme-light=false]", state="attached")
     after = wait_for_picture(page, before)
     assert before[0, 0].min() > 200 and after[0, 0].max() < 60
