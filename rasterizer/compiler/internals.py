@@ -15,13 +15,9 @@ are those that setup.cfg admits; tests/compiler/test_internals.py tries each one
     core.compiler_machinery.PassManager._runPass,      less to compile (short_passes.py): passes that
       core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, what was inferred isn't
       core.datamodel.models.TupleModel, np.arrayobj,     inferred again, and instructions that the optimiser
-      core.rewrites.rewrite_registry, core.ssa,          takes out again aren't written
-      core.ir_utils.build_definitions, core.cgutils,
-      untyped_passes.GenericRewrites, ReconstructSSA,
-      TranslateByteCode, DeadBranchPrune,
-      core.interpreter.Interpreter.post_process,
+      core.cgutils, untyped_passes.DeadBranchPrune,      takes out again aren't written
       core.analysis.dead_branch_prune,
-      typed_passes.NativeLowering, PreLowerStripPhis,
+      typed_passes.NativeLowering,
       cpython.builtins.do_minmax, state.typingctx
     core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once
       _get_module_for_linking, _linking_libraries

@@ -30,12 +30,8 @@ from numba.core import (
     analysis,
     cgutils,
     compiler_machinery,
-    interpreter,
     ir,
-    ir_utils,
     lowering,
-    rewrites,
-    ssa,
     typed_passes,
     untyped_passes,
 )
@@ -60,12 +56,8 @@ class ShortPassManager(compiler_machinery.PassManager):
         super().__init__(pipeline.pipeline_name)
         steps = [step for step in pipeline.passes if step[0].__name__ not in NOT_NEEDED]
         passes = [step[0] for step in steps]
-        steps[passes.index(untyped_passes.TranslateByteCode)] = (ShortTranslation, "read bytecode")
         steps[passes.index(typed_passes.NativeLowering)] = (ShortLowering, "write instructions")
-        steps[passes.index(typed_passes.PreLowerStripPhis)] = (ShortPhis, "give variables their values")
-        steps[passes.index(untyped_passes.ReconstructSSA)] = (ShortAssignments, "name variables anew")
         steps[passes.index(untyped_passes.DeadBranchPrune)] = (ShortBranches, "leave out what can't be reached")
-        steps[passes.index(untyped_passes.GenericRewrites)] = (ShortRewrites, "find constants")
         steps.insert(passes.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
         self.passes = steps
 
@@ -76,31 +68,6 @@ class ShortPassManager(compiler_machinery.PassManager):
         pss.run_initialization(internal_state)
         pss.run_pass(internal_state)
         pss.run_finalizer(internal_state)
-
-
-# Rewrites of bytecode that stands for `with`, and for dictionaries: each looks at every variable of every statement.
-NOT_NEEDED_REWRITES = frozenset(("peep_hole_delete_with_exit", "peep_hole_fuse_dict_add_updates"))
-
-
-class _ShortInterpreter(interpreter.Interpreter):
-    """What reads bytecode."""
-
-    def post_process(self, peepholes, func_ir):
-        """Rewrite what was read as far as kernels need it."""
-        needed = [each for each in peepholes if each.__name__ not in NOT_NEEDED_REWRITES]
-        return super().post_process(needed, func_ir)
-
-
-@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
-class ShortTranslation(untyped_passes.TranslateByteCode):
-    """The pass that reads bytecode."""
-
-    _name = "rasterizer_short_translation"
-
-    def run_pass(self, state):
-        """Read it; tell whether anything may be changed."""
-        state["func_ir"] = _ShortInterpreter(state["func_id"]).interpret(state["bc"])
-        return True
 
 
 class _Thing(NamedTuple):
@@ -120,51 +87,6 @@ class ShortBranches(untyped_passes.DeadBranchPrune):
         is_open = types.NoneType, types.Omitted, types.Optional
         known = [each if isinstance(each, is_open) else _Thing(each) for each in state.args]
         analysis.dead_branch_prune(state.func_ir, known)
-        return True
-
-
-# Each of these ends with when variables end, in numba.
-
-
-@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
-class ShortRewrites(untyped_passes.GenericRewrites):
-    """The pass that looks for constants."""
-
-    _name = "rasterizer_short_rewrites"
-
-    def run_pass(self, state):
-        """Change what takes constants; tell whether anything may be changed."""
-        blocks = state.func_ir.blocks
-        for rewriter in rewrites.rewrite_registry.rewrites["before-inference"]:
-            rewrite = rewriter(state)
-            for label, block in [*blocks.items()]:
-                while rewrite.match(state.func_ir, block, state.typemap, state.calltypes):
-                    blocks[label] = block = rewrite.apply()
-        return True
-
-
-@compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
-class ShortAssignments(untyped_passes.ReconstructSSA):
-    """The pass after which each variable is set once."""
-
-    _name = "rasterizer_short_assignments"
-
-    def run_pass(self, state):
-        """Name variables anew; tell whether anything may be changed."""
-        state.func_ir = ssa.reconstruct_ssa(state.func_ir)
-        state.func_ir._definitions = ir_utils.build_definitions(state.func_ir.blocks)
-        return True
-
-
-@compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
-class ShortPhis(typed_passes.PreLowerStripPhis):
-    """The pass that gives variables their values where several ways meet."""
-
-    _name = "rasterizer_short_phis"
-
-    def run_pass(self, state):
-        """Assign values at the ends of the ways; tell whether anything may be changed."""
-        state.func_ir = self._strip_phi_nodes(state.func_ir)
         return True
 
 
