@@ -320,8 +320,8 @@ def list_steps(plan: Any) -> tuple[Step, ...]:
         for texture in material.textures:
             if texture.filter == "nearest":
                 found.append(Step("the border between texels that are not blended", TEXEL_BORDER, "texels"))
-    for light, of_type, is_lit in zip(tables.lights, tables.light_types, tables.is_lit.any(axis=0), strict=True):
-        found += of_type.steps(light, is_double) if is_lit else ()
+    for i in tables.lit_by:
+        found += tables.light_types[i].steps(tables.lights[i], is_double)
     if tables.has_shadows:
         # Their exact edges are those of rays from the lights. A point is compared with texels whose centres lie within
         # half the filter of it, along each axis of the map; the map's vertices are rounded to a 512th of a texel, and

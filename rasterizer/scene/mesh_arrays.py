@@ -23,7 +23,6 @@ from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT, UNIT_SLACK
 
 CHUNK = 1 << 16  # faces looked at in one go
-_FIRST_CHUNK = 1 << 4
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
@@ -188,12 +187,7 @@ def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
         normal, squares = cross(u, v), (dot(u, u), dot(v, v))
         if 1e-100 < min(squares) and max(squares) < 1e100 and dot(normal, normal) > 1e-6 * math.prod(squares):
             return True
-    begin, size = 0, _FIRST_CHUNK
-    while begin < len(faces):
-        if has_area(vertices, faces[begin : begin + size]).any():
-            return True
-        begin, size = begin + size, CHUNK
-    return False
+    return any(has_area(vertices, faces[k : k + CHUNK]).any() for k in range(0, len(faces), CHUNK))
 
 
 def checked_ints(values: Any, counts: tuple[int, ...], what: str) -> NDArray[np.int32]:
