@@ -3,11 +3,13 @@
 Formats repeat a vertex for each of its triangles (STL), and where its texture coordinates or colours change (glTF, and
 exporters of all others). A surface that is smooth there would show a seam.
 
-Equal rows are found by compiled code, on threads (equal_rows.py). Few are sorted instead, so that nobody waits for a
-compiler to read a small file. Of triangles that share nothing, equal corners are found in each block of them first:
-most are repeated by triangles that are near them in the file, so that memory grows with the distinct ones.
+Equal rows are found by compiled code, on threads (equal_rows.py). Few are sorted by their hashes instead, so that
+nobody waits for a compiler to read a small file. Of triangles that share nothing, equal corners are found in each block
+of them first: most are repeated by triangles that are near them in the file, so that memory grows with the distinct
+ones.
 """
 
+import os
 from collections.abc import Callable
 
 import numpy as np
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..cores import Workers, n_core
 
-FEW = 1 << 14  # rows that are sorted
+FEW = 1 << 16  # rows that are sorted
 BLOCK = 1 << 16  # rows
 SOME = 1 << 9  # rows of a block, by which it is known whether many are repeated near each other
 
@@ -133,14 +135,23 @@ def _unsigned(rows: NDArray) -> NDArray[np.floating]:
 
 
 def _sort_rows(bits: NDArray[np.unsignedinteger]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Return what `unique_rows` does of few rows, given as their bits."""
-    order = np.lexsort(bits.T)  # equal rows side by side, the first of them first
-    is_new = np.ones(len(order), np.bool_)
-    is_new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
-    if is_new.all():  # as most are, of files of many small meshes
-        return np.arange(len(order)), np.arange(len(order), dtype=np.uint32)
-    first = np.sort(order[is_new])
-    numbers = np.searchsorted(first, order[is_new])
-    inverse = np.empty(len(order), np.uint32)
-    inverse[order] = np.repeat(numbers, np.diff(np.flatnonzero(is_new), append=len(order)))
-    return first, inverse
+    """Return what `unique_rows` does of few rows, given as their bits.
+
+    Hash: SplitMix64, as in equal_rows.py.
+    """
+    n_row, is_told = len(bits), False
+    while not is_told:  # a second time only where rows that differ share all 64 bits of their hashes
+        # A seed that no file's maker knows.
+        hashes = np.full(n_row, int.from_bytes(os.urandom(8), "little"), np.uint64)
+        for column in bits.T:
+            hashes = (hashes ^ column) * np.uint64(0xBF58476D1CE4E5B9)
+            hashes ^= hashes >> np.uint64(29)
+        order = np.argsort(hashes)  # equal rows side by side
+        is_new = np.diff(hashes[order], prepend=~hashes[order[:1]]) != 0
+        if is_new.all():  # as most are, of files of many small meshes
+            return np.arange(n_row), np.arange(n_row, dtype=np.uint32)
+        first_of = np.empty(n_row, np.int64)
+        first_of[order] = np.minimum.reduceat(order, np.flatnonzero(is_new))[np.cumsum(is_new) - 1]
+        is_told = np.array_equal(bits[first_of], bits)
+    is_first = first_of == np.arange(n_row)
+    return np.flatnonzero(is_first), (np.cumsum(is_first, dtype=np.uint32) - np.uint32(1))[first_of]

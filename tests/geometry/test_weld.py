@@ -36,12 +36,30 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
     rows[-3:] = [(9, 9, 9), (8, 8, 8), (9, 9, 9)]
     distinct = np.arange(3 * n, dtype=dtype).reshape(-1, 3)  # but for some that stand twice, the first in another block
     distinct[-9:], distinct[n // 2 : n // 2 + 9] = distinct[:9], distinct[:9]
-    for case, n_unique in ((rows, 66), (np.asfortranarray(rows), 66), (np.concatenate([rows[:n], distinct]), n + 45),
-                           (distinct, n - 18), (rows[:0], 0)):  # fmt: skip
+    few = rows[-999:]
+    for case, n_unique in ((rows, 66), (few, len(np.unique(few, axis=0))), (np.asfortranarray(rows), 66),
+                           (np.concatenate([rows[:n], distinct]), n + 45), (distinct, n - 18), (rows[:0], 0)):  # fmt: skip
         first, inverse = unique_rows(case)
         assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
         assert not differences(case[first][inverse], case)
         assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
+
+
+def test_rows_that_share_a_hash_stay_apart(monkeypatch):
+    """Two rows share the hash of SplitMix64 for the first seed that is drawn, and no other one."""
+    seeds, random = [bytes(8), bytes(8)], np.random.default_rng(5)
+    monkeypatch.setattr("os.urandom", lambda n: seeds.pop() if len(seeds) > 1 else random.bytes(n))
+    bits = random.normal(size=(100, 2)).view(np.uint64)
+    hashes = bits[:, 0] * np.uint64(0xBF58476D1CE4E5B9)  # of the first column
+    hashes ^= hashes >> np.uint64(29)
+    twins = hashes[:-1] ^ bits[:-1, 1] ^ hashes[1:]  # of the second column: with the next row's first, the same hash
+    rows = bits.view(np.float64)
+    with_twins = np.stack([rows[1:, 0], twins.view(np.float64)], axis=1)
+    found = np.concatenate([rows, with_twins[np.isfinite(with_twins[:, 1])]])
+    assert len(found) > 150
+    first, inverse = unique_rows(found)
+    assert len(seeds) == 1 and not differences(found[first][inverse], found)
+    assert len(first) == len(found)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
