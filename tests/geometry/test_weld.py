@@ -36,9 +36,9 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
     rows[-3:] = [(9, 9, 9), (8, 8, 8), (9, 9, 9)]
     distinct = np.arange(3 * n, dtype=dtype).reshape(-1, 3)  # but for some that stand twice, the first in another block
     distinct[-9:], distinct[n // 2 : n // 2 + 9] = distinct[:9], distinct[:9]
-    few = rows[-999:]
+    few, both = rows[-999:], np.concatenate([rows[:n], distinct])
     for case, n_unique in ((rows, 66), (few, len(np.unique(few, axis=0))), (np.asfortranarray(rows), 66),
-                           (np.concatenate([rows[:n], distinct]), n + 45), (distinct, n - 18), (rows[:0], 0)):  # fmt: skip
+                           (both, n + 45), (distinct, n - 18), (rows[:0], 0)):  # fmt: skip
         first, inverse = unique_rows(case)
         assert len(first) == n_unique and (np.diff(first) > 0).all(), len(first)
         assert not differences(case[first][inverse], case)
