@@ -123,12 +123,8 @@ def _load_and_draw(path) -> str:
     else:
         scene, options = rz.load(path), {"size": SIZE, "samples": 1, "threads": 1}
     is_sane = _is_sane(scene)
-    with warnings.catch_warnings():
-        warnings.simplefilter("always" if is_sane else "ignore")
-        try:
-            frame = rz.render(scene, **options, outputs=("color", "depth", "face"))
-        except rz.SceneError as fault:  # of what is drawn, which has no name
-            raise rz.SceneError(f"{path}: {fault}") from fault
+    with _of_file(path, is_sane):
+        frame = rz.render(scene, **options, outputs=("color", "depth", "face"))
     if (frame.face >= scene.n_face).any() or (
         is_sane and not (np.isfinite(frame.color).all() and not np.isnan(frame.depth).any())
     ):
@@ -146,14 +142,26 @@ def _draw_by_camera(path) -> str:
         cameras = rz.read_colmap(path)
     n_seen = 0
     for camera in cameras.values():
-        try:
+        with _of_file(path):
             frame = rz.render(CUBE, SIZE, camera=camera, samples=1, threads=1, outputs=("color", "depth", "face"))
-        except rz.SceneError as fault:
-            raise rz.SceneError(f"{path}: {fault}") from fault
         if not np.isfinite(frame.color).all() or np.isnan(frame.depth).any():
             raise Fault("the picture is not finite")
         n_seen += (frame.face >= 0).any()
     return "drawn" if n_seen else "empty"
+
+
+@contextlib.contextmanager
+def _of_file(path, is_warned=True):
+    """Let what is said of a picture name the file: what is drawn is a scene, which has no name. Warnings count only
+    where `is_warned`."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield
+        except rz.SceneError as fault:
+            raise rz.SceneError(f"{path}: {fault}") from fault
+    for each in caught if is_warned else ():
+        warnings.warn_explicit(f"{path}: {each.message}", each.category, each.filename, each.lineno)
 
 
 def _draw_scalars(path) -> str:
