@@ -9,7 +9,6 @@ of them first: most are repeated by triangles that are near them in the file, so
 ones.
 """
 
-import os
 from collections.abc import Callable
 
 import numpy as np
@@ -137,21 +136,31 @@ def _unsigned(rows: NDArray) -> NDArray[np.floating]:
 def _sort_rows(bits: NDArray[np.unsignedinteger]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     """Return what `unique_rows` does of few rows, given as their bits.
 
-    Hash: SplitMix64, as in equal_rows.py.
+    Hash: a multiplication between two shifts a column, as in SplitMix64, see equal_rows.py.
     """
-    n_row, is_told = len(bits), False
-    while not is_told:  # a second time only where rows that differ share all 64 bits of their hashes
-        # A seed that no file's maker knows.
-        hashes = np.full(n_row, int.from_bytes(os.urandom(8), "little"), np.uint64)
-        for column in bits.T:
-            hashes = (hashes ^ column) * np.uint64(0xBF58476D1CE4E5B9)
-            hashes ^= hashes >> np.uint64(29)
-        order = np.argsort(hashes)  # equal rows side by side
-        is_new = np.diff(hashes[order], prepend=~hashes[order[:1]]) != 0
-        if is_new.all():  # as most are, of files of many small meshes
-            return np.arange(n_row), np.arange(n_row, dtype=np.uint32)
-        first_of = np.empty(n_row, np.int64)
-        first_of[order] = np.minimum.reduceat(order, np.flatnonzero(is_new))[np.cumsum(is_new) - 1]
-        is_told = np.array_equal(bits[first_of], bits)
-    is_first = first_of == np.arange(n_row)
-    return np.flatnonzero(is_first), (np.cumsum(is_first, dtype=np.uint32) - np.uint32(1))[first_of]
+    hashes = np.zeros(len(bits), np.uint64)
+    for column in bits.T:
+        hashes = hashes ^ column
+        hashes = (hashes ^ hashes >> np.uint64(32)) * np.uint64(0xBF58476D1CE4E5B9)
+        hashes ^= hashes >> np.uint64(29)
+    order = np.argsort(hashes)  # equal rows side by side
+    is_new, is_other = _differ(bits[order]), _differ(hashes[order, None])
+    if (is_new & ~is_other).any():  # rows that differ share a hash, and may stand between equal ones
+        order = np.lexsort(bits.T)
+        is_new = _differ(bits[order])
+    if is_new.all():  # as most are, of files of many small meshes
+        return np.arange(len(order)), np.arange(len(order), dtype=np.uint32)
+    firsts = np.minimum.reduceat(order, np.flatnonzero(is_new))
+    first_of = np.empty(len(order), np.int64)
+    first_of[order] = firsts[np.cumsum(is_new) - 1]
+    first = np.sort(firsts)
+    numbers = np.empty(len(order), np.uint32)
+    numbers[first] = np.arange(len(first))
+    return first, numbers[first_of]
+
+
+def _differ(rows: NDArray) -> NDArray[np.bool_]:
+    """Tell which rows differ from the one before; the first one does."""
+    found = np.ones(len(rows), np.bool_)
+    found[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+    return found

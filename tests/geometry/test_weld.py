@@ -45,21 +45,38 @@ def test_rows_of_several_blocks_are_joined_across_them(dtype):
         assert (first[inverse] <= np.arange(len(case))).all(), "the first of those that are equal"
 
 
-def test_rows_that_share_a_hash_stay_apart(monkeypatch):
-    """Two rows share the hash of SplitMix64 for the first seed that is drawn, and no other one."""
-    seeds, random = [bytes(8), bytes(8)], np.random.default_rng(5)
-    monkeypatch.setattr("os.urandom", lambda n: seeds.pop() if len(seeds) > 1 else random.bytes(n))
+@pytest.mark.parametrize("n_copy", [1, 3])
+def test_rows_that_share_a_hash_stay_apart(n_copy):
+    """Of each row a second one is made with the same hash: by the first column of the next row, and a second one for
+    it."""
+    random = np.random.default_rng(5)
     bits = random.normal(size=(100, 2)).view(np.uint64)
-    hashes = bits[:, 0] * np.uint64(0xBF58476D1CE4E5B9)  # of the first column
+    hashes = (bits[:, 0] ^ bits[:, 0] >> np.uint64(32)) * np.uint64(0xBF58476D1CE4E5B9)  # as `_sort_rows` has it
     hashes ^= hashes >> np.uint64(29)
-    twins = hashes[:-1] ^ bits[:-1, 1] ^ hashes[1:]  # of the second column: with the next row's first, the same hash
-    rows = bits.view(np.float64)
-    with_twins = np.stack([rows[1:, 0], twins.view(np.float64)], axis=1)
-    found = np.concatenate([rows, with_twins[np.isfinite(with_twins[:, 1])]])
-    assert len(found) > 150
+    twins = np.stack([bits[1:, 0], hashes[:-1] ^ bits[:-1, 1] ^ hashes[1:]], axis=1)
+    rows = np.concatenate([bits, twins[np.isfinite(twins[:, 1].view(float))]]).view(np.float64)
+    assert len(rows) > 150
+    found = random.permutation(np.repeat(rows, n_copy, axis=0))
     first, inverse = unique_rows(found)
-    assert len(seeds) == 1 and not differences(found[first][inverse], found)
-    assert len(first) == len(found)
+    assert len(first) == len(rows) and not differences(found[first][inverse], found)
+    assert (np.diff(first) > 0).all() and (first[inverse] <= np.arange(len(found))).all()
+
+
+def test_rows_that_differ_in_signs_and_single_bits_are_told_apart():
+    """In any two columns, of doubles, floats and whole numbers: patterns that a weak hash can't tell apart."""
+    random, flips = np.random.default_rng(6), np.uint64(1) << np.arange(64, dtype=np.uint64)
+    for row in (random.normal(size=3), np.array([5.0, 300000.0, 7.0]), np.zeros(3)):
+        rows = [row.view(np.uint64)]
+        for k, other in ((0, 1), (1, 2), (0, 2), (1, 0)):
+            for flip in flips[-1:].tolist() + flips[random.integers(0, 63, 3)].tolist():
+                some = np.tile(rows[0], (64, 1))
+                some[:, k] ^= np.uint64(flip)
+                some[:, other] ^= flips ^ np.uint64(flip)
+                rows.extend(some)
+        found = np.array(rows).view(np.float64)
+        found = found[np.isfinite(found).all(axis=1)] + 0.0
+        first, inverse = unique_rows(found)
+        assert len(first) == len({each.tobytes() for each in found}) and not differences(found[first][inverse], found)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
