@@ -17,7 +17,7 @@ from weakref import finalize
 from ..errors import OutputError, RasterizerError, SceneError, shown, warn_caller
 from ..io import formats
 from ..io.camera_file import viewpoint_of
-from ..io.files import checked_path, identity_of, refuse_inputs, write_outputs
+from ..io.files import checked_path, identity_of, place_of, refuse_inputs, write_outputs
 from ..io.loader import SceneFile, read_source
 from ..keywords import checked_keywords
 from ..options import Options
@@ -266,7 +266,7 @@ class Batch:
         if task.seed is None and (is_random(task.view) or is_random(task.lights)):
             task = replace(task, seed=index)
         options = task.check()
-        path, outputs = source_of(task), {name: os.path.abspath(name) for name in task.files(options)}
+        path, outputs = source_of(task), {name: place_of(name) for name in task.files(options)}
         for k, (name, output) in enumerate(outputs.items()):
             other = self._outputs.get(output)
             if other is not None:

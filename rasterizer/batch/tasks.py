@@ -16,7 +16,7 @@ from ..io.loader import load
 from ..keywords import checked_fields, divided, unknown_keyword
 from ..options import Options
 from ..scene.camera import Camera
-from ..scene.validate import whole
+from ..scene.validate import store, whole
 from ..viewpoint import Viewpoint, is_path
 
 Existing = Literal["replace", "skip", "changed"]
@@ -56,7 +56,8 @@ class RenderTask:
     category : what its model is, for the manifest and COCO: text, or a dict of meshes' names and their categories; of
         None, and of what a dict doesn't name, a file with one mesh is one by the file's name, else each mesh by its own
 
-    Nothing is checked before the task is done, so that one that is not legal doesn't stop the others.
+    Dicts are copied, so that one may be changed for the next task. Nothing is checked before the task is done, so that
+    one that is not legal doesn't stop the others.
     """
 
     source: Any
@@ -70,6 +71,9 @@ class RenderTask:
     lights: Any = None
     seed: int | None = None
     category: str | Mapping[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        store(self, **{name: dict(value) for name, value in vars(self).items() if isinstance(value, Mapping)})
 
     @property
     def name(self) -> str:

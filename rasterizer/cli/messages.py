@@ -211,12 +211,14 @@ def print_text(text: str, is_stdout_taken: bool = False) -> None:
 
 
 def plain(text: str) -> str:
-    """Return a text with a question mark in the place of each character that a terminal would obey: names in files may
-    hold any."""
-    return text.translate(_CONTROLS)
+    """Return a text with a question mark in the place of each character that a terminal would obey, that turns the
+    order of what is shown, or that isn't seen: names in files may hold any."""
+    odd = [each for each in set(text) if not (each.isprintable() or each in "\n\t")]
+    if odd:
+        from unicodedata import category
 
-
-_CONTROLS = {code: "?" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
+        text = text.translate({ord(each): "?" for each in odd if category(each) in ("Cc", "Cf", "Zl", "Zp")})
+    return text
 
 
 def _bytes_of(text) -> bytes:

@@ -321,7 +321,7 @@ def write_all(contents: Mapping[str, bytes]) -> None:
     path = ""
     try:
         for path, content in contents.items():
-            place = os.path.realpath(path)
+            place = place_of(path)
             if os.path.isfile(place) and not (os.stat(place).st_mode & 0o222 and os.access(place, os.W_OK)):
                 # for the superuser the mode counts, too
                 raise PermissionError(13, "the file that is there is protected against writing")
@@ -338,12 +338,18 @@ def write_all(contents: Mapping[str, bytes]) -> None:
         folder = os.path.dirname(os.path.realpath(path))
         reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
         raise OutputError(f"can't write {path}: {reason}") from error
-    except ValueError as error:  # a name that no file can have
-        raise OutputError(f"can't write {shown(path)}: {error}") from error
     finally:  # also after an interrupt
         for name, *_ in hidden:
             if os.path.lexists(name):
                 os.unlink(name)
+
+
+def place_of(output: str) -> str:
+    """Return where a file is written, its path without links; OutputError for a name that no file can have."""
+    try:
+        return os.path.realpath(output)
+    except ValueError as error:
+        raise OutputError(f"can't write {shown(output)}: {error}") from error
 
 
 def checked_path(path: Any, what: str = "manifest") -> str:
@@ -356,7 +362,7 @@ def checked_path(path: Any, what: str = "manifest") -> str:
 def make_folder_of(output: str) -> None:
     """Make the folder that a file goes to; OutputError where that can't be done."""
     try:
-        os.makedirs(os.path.dirname(os.path.realpath(output)), exist_ok=True)
-    except (OSError, ValueError) as fault:
-        reason = getattr(fault, "strerror", None) or fault
+        os.makedirs(os.path.dirname(place_of(output)), exist_ok=True)
+    except OSError as fault:
+        reason = fault.strerror or fault
         raise OutputError(f"can't write {output}: its folder can't be made: {reason}") from fault

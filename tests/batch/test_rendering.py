@@ -219,6 +219,15 @@ def test_a_picture_is_made_anew_where_a_file_that_its_task_names_is_newer(folder
         os.utime(name, (0, 0))
 
 
+def test_dicts_may_be_changed_for_the_next_task(folder):
+    options, output, tasks = dict(SMALL), {}, []
+    for k in range(3):
+        options["size"], output["rgb"] = 8 + k, f"{k}.png"
+        tasks.append(rz.RenderTask(CUBE, output, options=options))
+    draw(tasks)
+    assert [Image.open(f"{k}.png").size for k in range(3)] == [(8 + k, 8 + k) for k in range(3)]
+
+
 def test_no_file_is_written_twice_nor_over_what_is_read(folder):
     Image.new("RGB", (2, 2), "red").save("a.png")
     pixels, of_uv = Path("a.png").read_bytes(), np.eye(3)[:, :2]
@@ -231,10 +240,12 @@ def test_no_file_is_written_twice_nor_over_what_is_read(folder):
         rz.RenderTask("own.png", "./own.png", load={"format": "obj"}, options=SMALL),
         rz.RenderTask("own.obj", "own.obj/below.png", options=SMALL),
         rz.RenderTask(rz.Mesh(np.eye(3), [[0, 1, 2]], uv=of_uv), "./a.png", options=textured),
+        rz.RenderTask(CUBE, "link/same.png", options=SMALL),
     ]
+    (folder / "link").symlink_to(".")
     with ThreadPoolExecutor(1) as executor:
         records = draw(tasks, executor)
-    assert "task 0 of the batch writes it, too" in str(records[1].error)
+    assert all("task 0 of the batch writes it, too" in str(records[k].error) for k in (1, 5))
     assert "can't write ./own.png: it is own.png, which is read" in str(records[2].error)
     assert "can't write own.obj/below.png" in str(records[3].error)
     assert "can't write ./a.png: it is a.png, which is read" in str(records[4].error)

@@ -5,13 +5,14 @@ import logging
 import re
 import subprocess
 import sys
+import unicodedata
 import warnings
 
 import pytest
 from helpers.command import CUBE, GEAR, SMALL, errors, raster, run
 from helpers.stores import environment_with
 
-from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Bar, Messages, compilation_shown
+from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Bar, Messages, compilation_shown, plain
 
 
 class Terminal:
@@ -50,6 +51,20 @@ def test_the_bar_grows_on_a_terminal_and_is_taken_away(monkeypatch):
     assert "\x1b]" not in terminal.told and "\x07" not in terminal.told, "names send nothing to a terminal"
     monkeypatch.setattr(sys, "stderr", None)  # as in a process that was started without one
     assert show_three() == 3
+
+
+def test_what_names_hold_is_seen_and_changes_nothing(tmp_path, capfd):
+    """Neither what a terminal obeys, nor what turns the order of letters or isn't seen, reaches it; letters do."""
+    hidden = "\x1b\x7f\x9b\xad\u061c\u200b\u200f\u202e\u2028\u2029\u2066\ufeff\U000e0041"
+    model = f"o a{hidden}é א 漢 👍z\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    (tmp_path / "a.obj").write_text(model, "utf-8", newline="\n")
+    raster("info", tmp_path / "a.obj")
+    raster("info", tmp_path / f"{hidden}.obj")
+    out, err = capfd.readouterr()
+    assert not set(hidden) & set(out + err) and "é א 漢 👍z" in out and ".obj: no such file" in err
+    others = [chr(k) for k in range(0x110000) if unicodedata.category(chr(k)) not in ("Cc", "Cf", "Zl", "Zp")]
+    letters = "".join([*others, "\n\t"])  # the bytes of names that are no UTF-8 among them
+    assert plain(letters) == letters
 
 
 def test_without_a_terminal_a_line_says_how_many_kernels_are_compiled(capsys):
