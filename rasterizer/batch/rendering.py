@@ -126,8 +126,8 @@ class Item(NamedTuple):
 
     def has_model_of(self, other: "Item") -> bool:
         """Tell whether one run can hold both."""
-        is_loaded_alike = self.task.load is other.task.load or not (self.task.load or other.task.load)
-        is_loaded_alike = is_loaded_alike and self.task.is_of_file == other.task.is_of_file
+        loads = [{name: id(value) for name, value in each.task.load.items()} for each in (self, other)]
+        is_loaded_alike = loads[0] == loads[1] and self.task.is_of_file == other.task.is_of_file
         return is_loaded_alike and self.path == other.path and self.shared is other.shared
 
     def shows_what(self, other: "Item") -> bool:
@@ -161,16 +161,8 @@ class Batch:
         manifest: Manifest | None = None,
         draw: Callable[..., list[Drawn] | None] = draw_run,  # called as that
     ) -> None:
-        self._tasks, self._pool, self._existing, self._manifest = tasks, pool, existing, manifest
-        self._draw = draw
-        self._counts, self._start, self._n_task = RenderSummary(), perf_counter(), 0
-        self._is_exhausted = False
-        self._waiting: deque[Item] = deque()
-        self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
-        self._inputs: OrderedDict[Any, str] = OrderedDict()  # paths of files that models have read, by their identity
-        self._newest: dict[str, int] = {}  # by the folders of models: when a file beside them was changed
-        self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
-        self._records: Generator[RenderRecord, None, None] | None = None  # none until one is asked for
+        self._pool, self._records = pool, Work(tasks, pool, existing, manifest, draw).do()
+        self._counts, self._start = RenderSummary(), 0.0  # the time at which the first record was asked for
         self._first_error: Exception | None = None
         self._never_asked = finalize(self, warn_caller, _NEVER_ASKED)
 
@@ -183,8 +175,8 @@ class Batch:
         return self
 
     def __next__(self) -> RenderRecord:
-        counts, self._records = self._counts, self._records or self._work()
         self._never_asked.detach()
+        counts, self._start = self._counts, self._start or perf_counter()
         record = next(self._records, None)
         if record is None:
             if counts.failed and not counts.drawn + counts.skipped:
@@ -208,13 +200,31 @@ class Batch:
 
     def close(self) -> None:
         """End what draws; nothing more is written. What has been written stays."""
-        if self._records is not None:
-            self._records.close()
+        self._records.close()
         self._pool.close()
 
-    def _work(self) -> Generator[RenderRecord, None, None]:
+
+class Work:
+    """What a Batch has to do. It knows nothing of that one: so one that nobody holds any more ends its processes."""
+
+    def __init__(
+        self,
+        tasks: Iterator[RenderTask],
+        pool: Pool,
+        existing: Existing,
+        manifest: Manifest | None,
+        draw: Callable[..., list[Drawn] | None],
+    ) -> None:
+        self._tasks, self._pool, self._existing, self._manifest = tasks, pool, existing, manifest
+        self._draw, self._n_task, self._is_exhausted = draw, 0, False
+        self._waiting: deque[Item] = deque()
+        self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
+        self._inputs: OrderedDict[Any, str] = OrderedDict()  # paths of files that models have read, by their identity
+        self._newest: dict[str, int] = {}  # by the folders of models: when a file beside them was changed
+        self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
+
+    def do(self) -> Generator[RenderRecord, None, None]:
         """Keep the pool at work; yield what becomes of the tasks."""
-        self._start = perf_counter()
         try:
             if self._manifest is not None:
                 self._manifest.open()
