@@ -112,7 +112,7 @@ def render_many(
         iterator = iter(tasks)
     except TypeError:
         raise SceneError(f"tasks must be an iterable of RenderTask; given {shown(tasks)}") from None
-    return Batch(iterator, make_pool(executor, n_process), existing, file)
+    return Batch(Work(iterator, make_pool(executor, n_process), existing, file))
 
 
 class Item(NamedTuple):
@@ -153,15 +153,8 @@ class Batch:
     summary : RenderSummary of what has been done so far
     """
 
-    def __init__(
-        self,
-        tasks: Iterator[RenderTask],
-        pool: Pool,
-        existing: Existing,
-        manifest: Manifest | None = None,
-        draw: Callable[..., list[Drawn] | None] = draw_run,  # called as that
-    ) -> None:
-        self._pool, self._records = pool, Work(tasks, pool, existing, manifest, draw).do()
+    def __init__(self, work: "Work") -> None:
+        self._pool, self._records = work.pool, work.do()
         self._counts, self._start = RenderSummary(), 0.0  # the time at which the first record was asked for
         self._first_error: Exception | None = None
         self._never_asked = finalize(self, warn_caller, _NEVER_ASKED)
@@ -212,10 +205,10 @@ class Work:
         tasks: Iterator[RenderTask],
         pool: Pool,
         existing: Existing,
-        manifest: Manifest | None,
-        draw: Callable[..., list[Drawn] | None],
+        manifest: Manifest | None = None,
+        draw: Callable[..., list[Drawn] | None] = draw_run,  # called as that
     ) -> None:
-        self._tasks, self._pool, self._existing, self._manifest = tasks, pool, existing, manifest
+        self._tasks, self.pool, self._existing, self._manifest = tasks, pool, existing, manifest
         self._draw, self._n_task, self._is_exhausted = draw, 0, False
         self._waiting: deque[Item] = deque()
         self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
@@ -228,7 +221,7 @@ class Work:
         try:
             if self._manifest is not None:
                 self._manifest.open()
-            for job, outcome in work_through(self._pool, self._jobs(), self._follow_up):
+            for job, outcome in work_through(self.pool, self._jobs(), self._follow_up):
                 if outcome is None:
                     yield job  # the record of a task that isn't drawn
                 else:
@@ -238,7 +231,7 @@ class Work:
         finally:
             if self._manifest is not None:
                 self._manifest.close()
-            self._pool.close()
+            self.pool.close()
 
     # --- tasks to jobs
 
@@ -252,7 +245,7 @@ class Work:
 
     def _fill(self) -> Iterator[RenderRecord]:
         """Take tasks until there are some for each process; yield the records of those that aren't drawn."""
-        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * (self._pool.n_slot + 1):
+        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * (self.pool.n_slot + 1):
             try:
                 task = next(self._tasks)
             except StopIteration:
@@ -297,7 +290,7 @@ class Work:
             task = replace(task, camera=viewpoint_of({"camera": task.camera}))  # type: ignore[arg-type]  # its file is read
         if path is None:
             return Item(index, task, options, None, self._share(task.source, task.loading))
-        return Item(index, task, options, path if self._pool.is_here else os.path.abspath(path), None)
+        return Item(index, task, options, path if self.pool.is_here else os.path.abspath(path), None)
 
     def _is_done(self, outputs: Iterable[str], path: str | None, named: Iterable[str], task: RenderTask) -> bool:
         """Tell whether files are there, and shall stay; `named` are the model's file and those that the task names."""
@@ -339,7 +332,7 @@ class Work:
 
     def _next_job(self) -> Job:
         """Return what is drawn next, of what waits; it ends with all files that one view is drawn for."""
-        n = max(1, min(LONGEST_RUN, len(self._waiting) // self._pool.n_slot))  # all processes shall have some
+        n = max(1, min(LONGEST_RUN, len(self._waiting) // self.pool.n_slot))  # all processes shall have some
         items = [self._waiting.popleft()]
         while self._waiting and self._waiting[0].has_model_of(items[0]):
             if len(items) >= n and not self._waiting[0].shows_what(items[-1]):
@@ -350,7 +343,7 @@ class Work:
     def _job_of(self, items: list[Item]) -> Job:
         """Return the job that draws some items of one model."""
         task, path = items[0].task, items[0].path
-        identity = None if path is None or self._pool.is_here else identify(path)
+        identity = None if path is None or self.pool.is_here else identify(path)
         tasks = tuple((replace(item.task, source=None), item.options) for item in items)
         run = Run(task.name, path, identity, task.loading, tasks, self._manifest is not None)
         job = Job(self._draw, run, items[0].shared)

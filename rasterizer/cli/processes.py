@@ -14,7 +14,7 @@ from typing import Any
 from ..batch.annotations import Annotator, depth_said
 from ..batch.draw_run import Drawn, Run, identify, is_seen
 from ..batch.pools import make_pool
-from ..batch.rendering import Batch
+from ..batch.rendering import Batch, Work
 from ..batch.tasks import RenderSummary, RenderTask
 from ..choices import RANDOM
 from ..compiler.kernels import noticing_compilation
@@ -67,7 +67,7 @@ def draw_in_processes(
     failures, summary = Failures(messages, request.is_json), RenderSummary()
     said_of: dict[str, dict[str, Exception]] = {shot.source: {} for shot in shots}  # by the model and the text
     draw = partial(draw_shots, draw, replace(request, models=(), views=()))  # a shot has its own of both
-    with compilation_shown(messages), Batch(iter(shots), pool, existing, manifest, draw) as batch:
+    with compilation_shown(messages), Batch(Work(iter(shots), pool, existing, manifest, draw)) as batch:
         try:
             for record in batch:
                 shot, error = shots[record.index], record.error

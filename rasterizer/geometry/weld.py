@@ -150,13 +150,10 @@ def _sort_rows(bits: NDArray[np.unsignedinteger]) -> tuple[NDArray[np.int64], ND
         is_new = _differ(bits[order])
     if is_new.all():  # as most are, of files of many small meshes
         return np.arange(len(order)), np.arange(len(order), dtype=np.uint32)
-    firsts = np.minimum.reduceat(order, np.flatnonzero(is_new))
     first_of = np.empty(len(order), np.int64)
-    first_of[order] = firsts[np.cumsum(is_new) - 1]
-    first = np.sort(firsts)
-    numbers = np.empty(len(order), np.uint32)
-    numbers[first] = np.arange(len(first))
-    return first, numbers[first_of]
+    first_of[order] = np.minimum.reduceat(order, np.flatnonzero(is_new))[np.cumsum(is_new) - 1]
+    is_first = first_of == np.arange(len(order))
+    return np.flatnonzero(is_first), (np.cumsum(is_first, dtype=np.uint32) - np.uint32(1))[first_of]
 
 
 def _differ(rows: NDArray) -> NDArray[np.bool_]:
